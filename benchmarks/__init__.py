@@ -1,4 +1,6 @@
-"""Measurements that take minutes. Each shows its progress on stderr, and ends with one word if it is interrupted."""
+"""Measurements that take minutes. Each shows its progress on stderr,
+and ends with one word if it is interrupted.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ T = TypeVar("T")
 class _Track:
     """The progress of a benchmark in nested loops.
 
-    The innermost loop covers the fraction `span` of the whole work, beginning at the fraction `low`.
+    The innermost loop covers the fraction `span` of the whole work, beginning at the fraction
+    `low`.
     """
 
     def __init__(self, shown: Shown) -> None:
@@ -27,7 +30,9 @@ _TRACK: ContextVar[_Track | None] = ContextVar("_TRACK", default=None)
 
 
 def over(items: Iterable[T], text: Callable[[T], str] = str) -> Iterator[T]:
-    """Yield the items in order, and show the fraction done and the next item on stderr. Loops may be nested."""
+    """Yield the items in order, and show the fraction done and the next item on stderr.
+    Loops may be nested.
+    """
     track, listed = _TRACK.get(), list(items)
     if track is None:
         yield from listed
@@ -43,14 +48,18 @@ def over(items: Iterable[T], text: Callable[[T], str] = str) -> Iterator[T]:
 
 
 def tell(text: str, share: float) -> None:
-    """Show the current work and the fraction of all work that is done, 0 to 1, for work that is no loop by `over`."""
+    """Show the current work and the fraction of all work that is done, 0 to 1,
+    for work that is no loop by `over`.
+    """
     track = _TRACK.get()
     if track is not None:
         track.shown.update(text, share)
 
 
 def start(main: Callable[[], Any]) -> None:
-    """Run a benchmark's main with progress on stderr; if it is interrupted, print one word and exit with code 130."""
+    """Run a benchmark's main with progress on stderr; if it is interrupted,
+    print one word and exit with code 130.
+    """
     try:
         with showing() as shown:
             _TRACK.set(_Track(shown))

@@ -1,7 +1,8 @@
-"""Growth of E[H] and E[C] under additive noise, for three schemes: ``python -m benchmarks.additive_noise``.
+"""Growth of E[H] and E[C] under additive noise, for three schemes:
+``python -m benchmarks.additive_noise``.
 
-The problem is `pushed-rigid-body`. Paths are drawn in pairs with opposite noise, because the mean of a pair varies
-less. The run takes some ten seconds of one core.
+The problem is `pushed-rigid-body`. Paths are drawn in pairs with opposite noise, because the mean
+of a pair varies less. The run takes some ten seconds of one core.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from sepv.schemes._one_step import implicit
 
 PAIRS, SEED, T = 10_000, 1, 1.0
 STEPS = (2, 16)
-# The last argument holds the increments over the first half of the step, which only one of the schemes uses.
+# The last argument holds the increments over the first half of the step, which only one of the
+# schemes uses.
 Step = Callable[[Problem, Array, float, Array, Array], Array]
 
 _implicit = implicit(lambda fields, y, z, step: step[0] * fields.field(y + z), parts=quiet.parts)

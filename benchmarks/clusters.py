@@ -1,7 +1,8 @@
-"""Measurements for clusters: memory of many paths, the cost of Dask beside threads, and limits of Dask's scheduler.
+"""Measurements for clusters: memory of many paths, the cost of Dask beside threads,
+and limits of Dask's scheduler.
 
-    python -m benchmarks.clusters memory --paths 1e8        two functionals of 10⁸ paths, and the largest memory
-    python -m benchmarks.clusters overhead --paths 1e6      Dask against threads on the pendulum, in alternation
+    python -m benchmarks.clusters memory --paths 1e8     two functionals of 10⁸ paths, the memory
+    python -m benchmarks.clusters overhead --paths 1e6   Dask against threads on the pendulum
     python -m benchmarks.clusters scheduler --chunks 1e5    cost of chunks that do nothing, by Dask
     python -m benchmarks.clusters throughput                ns per path and step, bytes per path
 
@@ -43,7 +44,9 @@ def nothing(number: int) -> int:
 
 
 def memory(paths: int, steps: int, workers: int) -> None:
-    """Print moments and quantiles of two functionals, and this process's peak memory for few and for many paths."""
+    """Print moments and quantiles of two functionals, and this process's peak memory for few and
+    for many paths.
+    """
 
     def one(count: int) -> sepv.Ensemble:
         return sepv.ensemble(
@@ -74,7 +77,9 @@ def memory(paths: int, steps: int, workers: int) -> None:
 
 
 def overhead(paths: int, steps: int, rounds: int) -> None:
-    """Print the time of Dask (two processes of one thread) relative to that of two threads, for pairs of runs."""
+    """Print the time of Dask (two processes of one thread) relative to that of two threads,
+    for pairs of runs.
+    """
     from distributed import Client, LocalCluster
 
     def run(workers: Any) -> None:
@@ -108,7 +113,9 @@ def overhead(paths: int, steps: int, rounds: int) -> None:
 
 
 def _timed(job: Callable[[], None], client: Any) -> tuple[float, float]:
-    """The clock and processor seconds of a job; the processor seconds include those of the workers."""
+    """The clock and processor seconds of a job; the processor seconds include those of the
+    workers.
+    """
 
     def spent() -> float:
         return time.process_time() + sum(client.run(time.process_time).values())
@@ -120,7 +127,9 @@ def _timed(job: Callable[[], None], client: Any) -> tuple[float, float]:
 
 
 def scheduler(chunks: int) -> None:
-    """Print milliseconds per chunk and memory for 100, 1000, … chunks, with the bounded window of chunks or without."""
+    """Print milliseconds per chunk and memory for 100, 1000, … chunks,
+    with the bounded window of chunks or without.
+    """
     from distributed import Client, LocalCluster
 
     with (
@@ -159,7 +168,9 @@ def _at_once(client: Any, count: int) -> None:
 
 
 def throughput() -> None:
-    """Print nanoseconds per path and step on one core for the paper's problems, and bytes per path (memory, store)."""
+    """Print nanoseconds per path and step on one core for the paper's problems,
+    and bytes per path (memory, store).
+    """
     for problem in over((problems.rigid_body(), PENDULUM, problems.lotka_volterra()), lambda p: p.name):
         h, steps, paths = 2.0**-10, 1000, 16384
         sepv.ensemble(EP, problem, h=h, steps=steps, paths=1024)

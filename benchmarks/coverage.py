@@ -1,16 +1,18 @@
-"""How often do the intervals of the statistical laws miss the true value? ``python -m benchmarks.coverage``.
+"""How often do the intervals of the statistical laws miss the true value?
+``python -m benchmarks.coverage``.
 
-An interval has a nominal error probability alpha. A batch has 512 paths, as many as a law draws first. 1000 batches
-of a scheme together give the true value, with an error √1000 times smaller than that of a batch. Misses are counted on
-both sides: an interval wholly `below` the value can accuse a right scheme; one wholly `above` it can let a fault pass.
-Misses of several means count as one. The last rows are verdicts: how often a law, run with this alpha on one problem,
-calls the scheme violated. Schemes of order 2 and more are measured as in their laws, on the weighted samples of
+An interval has a nominal error probability alpha. A batch has 512 paths, as many as a law draws
+first. 1000 batches of a scheme together give the true value, with an error √1000 times smaller than
+that of a batch. Misses are counted on both sides: an interval wholly `below` the value can accuse a
+right scheme; one wholly `above` it can let a fault pass. Misses of several means count as one. The
+last rows are verdicts: how often a law, run with this alpha on one problem, calls the scheme
+violated. Schemes of order 2 and more are measured as in their laws, on the weighted samples of
 `sepv.properties._orders.tilting`, for which no quantile is used.
 
-The laws use an alpha near 3e-6, at which misses are too rare to count. So misses are counted at larger alpha, and their
-rates compared with alpha as it falls. If a law accuses by two intervals together, verdicts show how many misses accuse.
-``--deep`` counts only the misses of *right-limit*, because one of its intervals is enough to accuse. Then alpha falls
-to 1e-5.
+The laws use an alpha near 3e-6, at which misses are too rare to count. So misses are counted at
+larger alpha, and their rates compared with alpha as it falls. If a law accuses by two intervals
+together, verdicts show how many misses accuse. ``--deep`` counts only the misses of *right-limit*,
+because one of its intervals is enough to accuse. Then alpha falls to 1e-5.
 """
 
 from __future__ import annotations
@@ -53,7 +55,8 @@ SCHEMES = {
 
 @dataclass(frozen=True)
 class Row:
-    """The coverage of one interval: the fractions of batches in which it misses the value, for each alpha of ALPHAS.
+    """The coverage of one interval: the fractions of batches in which it misses the value,
+    for each alpha of ALPHAS.
 
     `below` and `above` are the fractions in which the interval lies below and above the value.
     """
@@ -158,9 +161,11 @@ def _pieces(samples: Array) -> list[Array]:
 
 
 def deep(scheme: Scheme, problem: Problem, batches: int, seed: int) -> tuple[int, ...]:
-    """Count the batches in which an interval of *right-limit* misses on either side, for each alpha of DEEP.
+    """Count the batches in which an interval of *right-limit* misses on either side,
+    for each alpha of DEEP.
 
-    Each estimate is linear in the samples, so the mean of the batches' estimates is the estimate from all samples.
+    Each estimate is linear in the samples, so the mean of the batches' estimates is the estimate
+    from all samples.
     """
     setup = next(s for s in setups_for(scheme) if s.problem == problem.name)
     values, halves = [], []

@@ -1,4 +1,5 @@
-"""Make the page of sentences that do not hold as printed: ``python -m benchmarks.errata > docs/errata.md``.
+"""Make the page of sentences that do not hold as printed:
+``python -m benchmarks.errata > docs/errata.md``.
 
 ``--check FILE`` compares every quotation with a plain text of the paper instead, letter by letter.
 """
@@ -42,7 +43,9 @@ def to_markdown() -> str:
 
 
 def missing(quote: str, text: str) -> str:
-    """The first piece of the quotation that does not follow the ones before it in the text; empty if all do."""
+    """The first piece of the quotation that does not follow the ones before it in the text;
+    empty if all do.
+    """
     pieces = re.split(r"(`[^`]*`|…)", quote)
     letters = _letters(text)
     first, at, gap = True, 0, 0

@@ -1,13 +1,14 @@
-"""Convergence without global bounds: how often paths leave a compact set, and errors of those that stay.
+"""Convergence without global bounds: how often paths leave a compact set,
+and errors of those that stay.
 
-``python -m benchmarks.exits``. The set is D = {y : |F(y) − F(y0)| < R} for an invariant F of the exact flow. Let a step
-from any state of D change F by g with |E g| ≤ m and E g² ≤ v. Up to the exit the sum of all g − E g is a martingale.
-If Nm < R, Kolmogorov's inequality then gives
+``python -m benchmarks.exits``. The set is D = {y : |F(y) − F(y0)| < R} for an invariant F of the
+exact flow. Let a step from any state of D change F by g with |E g| ≤ m and E g² ≤ v. Up to the exit
+the sum of all g − E g is a martingale. If Nm < R, Kolmogorov's inequality then gives
 
     P(a path leaves D within N steps) ≤ Nv/(R − Nm)².
 
-m and v are maxima over STATES states of D, by quadrature over the increments of Remark 2.1 with k = 2. A step that is
-not solved counts as an exit. The bound does not cover such exits.
+m and v are maxima over STATES states of D, by quadrature over the increments of Remark 2.1 with
+k = 2. A step that is not solved counts as an exit. The bound does not cover such exits.
 """
 
 from __future__ import annotations
@@ -54,14 +55,18 @@ class Compact(NamedTuple):
 
 
 def pendulum() -> Compact:
-    """The set D of the pendulum around the paper's y0, with F = H. `_moved` gives its states on other levels of H."""
+    """The set D of the pendulum around the paper's y0, with F = H.
+    `_moved` gives its states on other levels of H.
+    """
     problem = problems.pendulum()
     p, q = map(float, problem.initial)
     return Compact(problem, problem.hamiltonian, 0.25, lambda r: _moved(p, q, r), 8.0)
 
 
 def _moved(p: float, q: float, r: float) -> Array:
-    """The state of the pendulum near (p, q) with H larger by r: p changes, or q too if p alone cannot give r."""
+    """The state of the pendulum near (p, q) with H larger by r: p changes,
+    or q too if p alone cannot give r.
+    """
     square = p * p + 2 * r
     if square >= 0:
         return np.array([np.sqrt(square), q])
@@ -69,7 +74,9 @@ def _moved(p: float, q: float, r: float) -> Array:
 
 
 def lotka_volterra() -> Compact:
-    """The set D of Lotka-Volterra on the level of H of the paper's y0, with F = C = ln y1 + bd ln y2 − d ln y3."""
+    """The set D of Lotka-Volterra on the level of H of the paper's y0,
+    with F = C = ln y1 + bd ln y2 − d ln y3.
+    """
     problem = problems.lotka_volterra()
     y0, nambu = np.asarray(problem.initial, dtype=np.float64), problem.nambu
     assert nambu is not None
@@ -93,7 +100,9 @@ STEPS = {"pendulum": (16, 256), "lotka-volterra": (512, 2048)}
 
 
 def moments(D: Compact, scheme: str, h: float) -> tuple[float, float]:
-    """The largest m and v of the module's docstring over the states of D, for one step of a scheme."""
+    """The largest m and v of the module's docstring over the states of D, for one step of a
+    scheme.
+    """
     x, weights = np.polynomial.hermite_e.hermegauss(NODES)
     weights = weights / weights.sum()
     # All noises act through their sum, whose size is |c|.
@@ -114,14 +123,18 @@ def bound(D: Compact, scheme: str, steps: int) -> float:
 
 
 class Measured(NamedTuple):
-    """The result of a run: how many paths left the set D, how many there were, and the rms error at T of the rest."""
+    """The result of a run: how many paths left the set D, how many there were,
+    and the rms error at T of the rest.
+    """
 
     left: int
     paths: int
     rms: float
 
     def interval(self, alpha: float = 1e-3) -> tuple[float, float]:
-        """Clopper and Pearson's interval of the probability that a path leaves D, of level 1 − alpha."""
+        """Clopper and Pearson's interval of the probability that a path leaves D,
+        of level 1 − alpha.
+        """
         k, n = self.left, self.paths
         low = float(beta.ppf(alpha / 2, k, n - k + 1)) if k else 0.0
         return low, float(beta.ppf(1 - alpha / 2, k + 1, n - k)) if k < n else 1.0

@@ -1,14 +1,16 @@
-"""How often does the suite accuse a correct scheme? Whole runs with fresh seeds; later calls add runs to the file.
+"""How often does the suite accuse a correct scheme? Whole runs with fresh seeds;
+later calls add runs to the file.
 
     python -m benchmarks.false_alarms --runs 20 --log runs.jsonl -j 2     go on where the file ends
     python -m benchmarks.false_alarms --runs 0 --log runs.jsonl           only the count
     python -m benchmarks.false_alarms --runs 40 --only built-in           or --only unusual
 
-In a run every law that a scheme claims judges it, at the default budget, with a seed that was never used before. The
-built-in schemes and the correct schemes that look unusual (`benchmarks.right_schemes`) take turns. A false alarm is a
-claimed law whose verdict is `violated` or `error`. A law with the verdict `inconclusive` accuses no scheme, and is
-counted separately. If n runs have no false alarm, the probability of a false alarm in a run is below
-1 − 0.05^(1/n) ≈ 3/n at 95 % confidence (Clopper and Pearson 1934).
+In a run every law that a scheme claims judges it, at the default budget, with a seed that was never
+used before. The built-in schemes and the correct schemes that look unusual
+(`benchmarks.right_schemes`) take turns. A false alarm is a claimed law whose verdict is `violated`
+or `error`. A law with the verdict `inconclusive` accuses no scheme, and is counted separately. If n
+runs have no false alarm, the probability of a false alarm in a run is below 1 − 0.05^(1/n) ≈ 3/n at
+95 % confidence (Clopper and Pearson 1934).
 """
 
 from __future__ import annotations
@@ -52,7 +54,9 @@ def main() -> None:
     taken = 0
 
     def take(number: int, run: dict[str, Any]) -> None:
-        """Write a finished run to the file, in the order of seeds, so that a later call can continue."""
+        """Write a finished run to the file, in the order of seeds,
+        so that a later call can continue.
+        """
         nonlocal taken
         taken += 1
         tell(f"{taken} of {options.runs} runs", taken / options.runs)
@@ -75,7 +79,9 @@ def main() -> None:
 
 
 def one(what: tuple[str, str, int]) -> dict[str, Any]:
-    """Make one whole run; return its scheme, seed, number of laws, false alarms, inconclusive verdicts and time."""
+    """Make one whole run; return its scheme, seed, number of laws, false alarms,
+    inconclusive verdicts and time.
+    """
     group, name, seed = what
     start, scheme = time.process_time(), GROUPS[group][name]
     always = {law.name for law in load_laws() if law.always_claimed}
@@ -104,7 +110,9 @@ def one(what: tuple[str, str, int]) -> dict[str, Any]:
 
 
 def show(done: list[dict[str, Any]]) -> None:
-    """Print the number of false alarms with a bound of their rate, and times and inconclusive verdicts by scheme."""
+    """Print the number of false alarms with a bound of their rate,
+    and times and inconclusive verdicts by scheme.
+    """
     alarms = sum(bool(run["alarms"]) for run in done)
     bound = float(beta.ppf(0.95, alarms + 1, len(done) - alarms)) if alarms < len(done) else 1.0
     seconds = sum(float(run["cpu_seconds"]) for run in done)

@@ -1,9 +1,11 @@
-"""Which faults does sepv survive? ``python -m benchmarks.faults`` prints how many of each kind it tried and survived.
+"""Which faults does sepv survive? ``python -m benchmarks.faults`` prints how many of each kind it
+tried and survived.
 
-A fault is a command in a folder of its own with a step, a file, a signal or a system that misbehaves. It is survived if
-the command ends in time with its exit code and words, without a traceback or kilobytes of text; if the laws without the
-fault have their verdicts; and if no process is left (Linux). Steps are those of `hostile_steps`. Two faults run at a
-time, ten minutes in all. `--only` takes kinds that begin so; each fault that is not survived is printed.
+A fault is a command in a folder of its own with a step, a file, a signal or a system that
+misbehaves. It is survived if the command ends in time with its exit code and words, without a
+traceback or kilobytes of text; if the laws without the fault have their verdicts; and if no process
+is left (Linux). Steps are those of `hostile_steps`. Two faults run at a time, ten minutes in all.
+`--only` takes kinds that begin so; each fault that is not survived is printed.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ from uuid import uuid4
 from benchmarks import over, start
 from sepv.console import markdown
 
-# Seconds after which a command counts as hung; of a law's --timeout; until the processes of a command have ended.
+# Seconds after which a command counts as hung; of a law's --timeout; until the processes of a
+# command have ended.
 LIMIT, TIMEOUT, SOON = 240.0, 8, 5.0
 # The most characters that a command may print: a page, but no name of megabytes.
 MOST = 30_000
@@ -68,7 +71,9 @@ class Outcome:
 def law(
     kind: str, step: str, words: str, jobs: int = 1, *, hangs: bool = False, measured: str = "energy"
 ) -> Fault:
-    """A step that misbehaves in one law: this law is an error, in these words, and truncation is measured."""
+    """A step that misbehaves in one law: this law is an error, in these words,
+    and truncation is measured.
+    """
     line = f"exec {SEPV} verify mine:{step} --law {measured},truncation --timeout {TIMEOUT if hangs else 60} -j {jobs}"
     return Fault(
         kind, f"{line} --json r.json --shrink-checks 3", (3,), words, hangs=hangs,
@@ -164,7 +169,9 @@ def hangs() -> list[Fault]:
 
 
 def crashes() -> list[Fault]:
-    """Steps that end or copy their process, and what they raise, return, remove and leave behind."""
+    """Steps that end or copy their process, and what they raise, return, remove and leave
+    behind.
+    """
     kills = {"kills": program("os.kill(os.getppid(), signal.SIGKILL); time.sleep(300)")}
     untold = "its text cannot be made"
     return [
@@ -243,7 +250,9 @@ def systems() -> list[Fault]:
 
 
 def met(fault: Fault, folder: Path, moment: float = 0.0) -> Outcome:
-    """Run a fault's command in a folder, with its signal after so many seconds, and say what came of it."""
+    """Run a fault's command in a folder, with its signal after so many seconds,
+    and say what came of it.
+    """
     for name, text in {"mine.py": STEPS, **fault.files}.items():
         (folder / name).write_text(text, encoding="utf-8")
         (folder / name).chmod(0o755)
@@ -313,7 +322,9 @@ def wait_for(file: Path | None, seconds: float) -> None:
 
 
 def remaining(mark: str, seconds: float) -> list[str | int]:
-    """The numbers of the processes with this mark in their environment that have not ended after so many seconds."""
+    """The numbers of the processes with this mark in their environment that have not ended after so
+    many seconds.
+    """
     end = time.monotonic() + seconds
     while True:
         found = [pid for pid in running() if marked(pid, mark)]
@@ -342,7 +353,9 @@ def marked(pid: int, mark: str) -> bool:
 
 
 def trials(fault: Fault) -> list[Outcome]:
-    """The outcomes of all trials of a fault. Signals come at moments spread over the run, whose length is measured."""
+    """The outcomes of all trials of a fault. Signals come at moments spread over the run,
+    whose length is measured.
+    """
     with TemporaryDirectory(prefix="fault-") as folder:
         first = met(fault, Path(folder))
     if not fault.signal or fault.at:

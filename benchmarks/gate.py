@@ -1,8 +1,10 @@
-"""Does the gate of `sepv bench` report planted regressions, and pass equal code? ``python -m benchmarks.gate``.
+"""Does the gate of `sepv bench` report planted regressions,
+and pass equal code? ``python -m benchmarks.gate``.
 
-Two folders stand for two checkouts of a third party's scheme. One of them has a planted regression: one Newton
-iteration more, one evaluation more in all, an error 5 % larger, or a slowdown of 10 %. Then equal code is compared
-twenty times, and counters, errors and paired times must all pass. The run takes some ten minutes.
+Two folders stand for two checkouts of a third party's scheme. One of them has a planted regression:
+one Newton iteration more, one evaluation more in all, an error 5 % larger, or a slowdown of 10 %.
+Then equal code is compared twenty times, and counters, errors and paired times must all pass. The
+run takes some ten minutes.
 """
 
 from __future__ import annotations
@@ -60,7 +62,8 @@ def solve(problem, y, h, dW, plain=scheme.solve):
 scheme = replace(scheme, solve=solve)
 """,
 }
-# The quantity that the gate must report as worse. Others may be worse too, because more work takes more time.
+# The quantity that the gate must report as worse. Others may be worse too, because more work takes
+# more time.
 EXPECTED = {
     "one Newton iteration more": "iterations",
     "one evaluation of ∇H more in all": "gradient",
@@ -71,13 +74,17 @@ CASES = cases.choose(("rigid-body", "pendulum"), portable=False)
 
 
 def run(head: Path, base: Path, *, timed: bool) -> list[Change]:
-    """The changes that the gate of `sepv bench` reports between two checkouts, with or without times."""
+    """The changes that the gate of `sepv bench` reports between two checkouts,
+    with or without times.
+    """
     checks = check(*pairs.measured("ours:scheme", head, base, CASES))
     return checks + (pairs.time_pairs("ours:scheme", head, base, CASES) if timed else [])
 
 
 def main() -> None:
-    """Print which planted regressions the gate reports, and how many comparisons of equal code pass."""
+    """Print which planted regressions the gate reports,
+    and how many comparisons of equal code pass.
+    """
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=20, help="of the same code on both sides")
     runs = parser.parse_args().runs

@@ -1,10 +1,12 @@
-"""Ensembles on a card: agreement with NumPy, times, compilation, and many paths in constant memory, as JSON.
+"""Ensembles on a card: agreement with NumPy, times, compilation, and many paths in constant memory,
+as JSON.
 
     python -m benchmarks.gpu
 
-A time is that of the whole run of a chunk, increments drawn and defects of invariants included, in nanoseconds for one
-step of one path. The parts of it are measured by CUDA's events. Beside it stand diffrax's solvers, if diffrax sees the
-card: they draw their own increments and compute no defects. On a machine without a card it says so and exits with 2.
+A time is that of the whole run of a chunk, increments drawn and defects of invariants included, in
+nanoseconds for one step of one path. The parts of it are measured by CUDA's events. Beside it stand
+diffrax's solvers, if diffrax sees the card: they draw their own increments and compute no defects.
+On a machine without a card it says so and exits with 2.
 """
 
 from __future__ import annotations
@@ -33,7 +35,8 @@ SYSTEMS = ("rigid-body", "pendulum", "lotka-volterra")
 H, STEPS, REPEATS = 0.01, 100, 3
 # Paths of a timed chunk, of the comparison with NumPy, and of the reduced run.
 PATHS, COMPARED, REDUCED = 2**20, 500, 2**30
-# The largest relative difference from NumPy that counts as agreement after STEPS steps, in roundings of a step.
+# The largest relative difference from NumPy that counts as agreement after STEPS steps, in
+# roundings of a step.
 ULPS = 64
 
 
@@ -49,7 +52,9 @@ def task(scheme: str, problem: str, paths: int) -> Task:
 
 
 def agreement(whole: Task) -> dict[str, Any]:
-    """The largest differences between the card and NumPy over paths of an ensemble, in roundings of the largest |y|."""
+    """The largest differences between the card and NumPy over paths of an ensemble,
+    in roundings of the largest |y|.
+    """
     card, plain = run_task(whole), run_task(replace(whole, engine="numpy"))
     scale = np.finfo(float).eps * np.abs(plain.y).max()
     return {
@@ -112,7 +117,9 @@ print(time.perf_counter() - begun)
 
 
 def compilation() -> dict[str, float]:
-    """Seconds to record and compile (2.1) for the three systems, with an empty cache on disk, and with a full one."""
+    """Seconds to record and compile (2.1) for the three systems, with an empty cache on disk,
+    and with a full one.
+    """
     with TemporaryDirectory() as room:
         where = {**os.environ, "CUPY_CACHE_DIR": room}
         found = [subprocess.run([sys.executable, "-c", COMPILE], env=where, text=True, check=True, capture_output=True)
@@ -138,7 +145,9 @@ def bandwidth() -> float:
 
 
 def peers(name: str, paths: int = 2**18) -> dict[str, Any]:
-    """diffrax's solvers for a system whose noises drive one field: ns per path and step, and the largest error of H."""
+    """diffrax's solvers for a system whose noises drive one field: ns per path and step,
+    and the largest error of H.
+    """
     import diffrax
     import jax
 
@@ -225,7 +234,9 @@ def reduced(paths: int = REDUCED) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Print the measurements as JSON; the exit code is 1 if the card and NumPy disagree, and 2 without a card."""
+    """Print the measurements as JSON; the exit code is 1 if the card and NumPy disagree,
+    and 2 without a card.
+    """
     try:
         device = devices.card()
     except sepv.UsageError as error:

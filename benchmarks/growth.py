@@ -1,9 +1,11 @@
-"""Does cost grow as the work does? ``python -m benchmarks.growth``: fitted powers of cost, with intervals.
+"""Does cost grow as the work does? ``python -m benchmarks.growth``: fitted powers of cost,
+with intervals.
 
-Each row varies one size and fits cost = fixed + a·size^p. The cost is processor time; for cores also the time on the
-clock. Sizes are visited in alternation, several times, and the power is fitted to each round: the interval is Student's
-over the rounds (95 %), so a machine that is busy for a while widens the interval and moves no size alone.
-Paths choose only final states, so 2²⁴ of them need 1.5 GB. `--quick` takes smaller sizes.
+Each row varies one size and fits cost = fixed + a·size^p. The cost is processor time; for cores
+also the time on the clock. Sizes are visited in alternation, several times, and the power is fitted
+to each round: the interval is Student's over the rounds (95 %), so a machine that is busy for a
+while widens the interval and moves no size alone. Paths choose only final states, so 2²⁴ of them
+need 1.5 GB. `--quick` takes smaller sizes.
 """
 
 from __future__ import annotations
@@ -29,7 +31,9 @@ from sepv.console import markdown
 
 @dataclass(frozen=True)
 class Row:
-    """One size that grows: `prepare` makes what is not measured, and returns the function that is."""
+    """One size that grows: `prepare` makes what is not measured, and returns the function that
+    is.
+    """
 
     what: str
     sizes: tuple[int, ...]
@@ -39,7 +43,9 @@ class Row:
 
 
 def fitted(sizes: Sequence[int], costs: Sequence[float], fixed: bool) -> tuple[float, float]:
-    """The fixed cost and the power p of cost = fixed + a·size^p, by least squares of the logarithms; fixed ≥ 0."""
+    """The fixed cost and the power p of cost = fixed + a·size^p,
+    by least squares of the logarithms; fixed ≥ 0.
+    """
     x, y = np.log(np.asarray(sizes, dtype=float)), np.log(costs)
     slope, intercept = np.polyfit(x, y, 1)
     if not fixed or len(sizes) < 4:
@@ -99,7 +105,9 @@ def stepped(d: int) -> Callable[[], Any]:
 
 
 def degree(n: int) -> Callable[[], Any]:
-    """An ensemble of a top with H = ½|y|² + y_1^n/(100n), whose averaged gradient takes n/2 nodes."""
+    """An ensemble of a top with H = ½|y|² + y_1^n/(100n), whose averaged gradient takes n/2
+    nodes.
+    """
     squares = [[[2 * (i == k) for i in range(3)], 0.5] for k in range(3)]
     data = {
         "dimension": 3, "noise": [0.1], "hamiltonian": [*squares, [[n, 0, 0], 0.01 / n]],

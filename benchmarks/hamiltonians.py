@@ -1,6 +1,8 @@
-"""Schemes for several Hamiltonians and their papers: ``python -m benchmarks.hamiltonians > docs/class.md``.
+"""Schemes for several Hamiltonians and their papers:
+``python -m benchmarks.hamiltonians > docs/class.md``.
 
-The page says what each scheme claims, and which laws hold or fail without a claim. It takes six minutes of one core.
+The page says what each scheme claims, and which laws hold or fail without a claim. It takes six
+minutes of one core.
 """
 
 from __future__ import annotations

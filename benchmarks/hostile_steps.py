@@ -1,6 +1,8 @@
-"""Steps that end, hang or copy their process, or raise, return and remove what no step should (`benchmarks.faults`).
+"""Steps that end, hang or copy their process, or raise,
+return and remove what no step should (`benchmarks.faults`).
 
-Most are the midpoint rule, but misbehave in steps that are `odd`: laws without such steps must still be measured.
+Most are the midpoint rule, but misbehave in steps that are `odd`: laws without such steps must
+still be measured.
 """
 
 import ctypes

@@ -1,7 +1,8 @@
-"""Defects of both invariants of Lotka-Volterra over [0, 100], for four schemes: ``python -m benchmarks.invariants``.
+"""Defects of both invariants of Lotka-Volterra over [0, 100], for four schemes:
+``python -m benchmarks.invariants``.
 
-Parameters and initial state are the paper's, and h = 2⁻⁸. H and C are evaluated in extended precision at every 16th
-state. Steps that have no solution are divided, and counted.
+Parameters and initial state are the paper's, and h = 2⁻⁸. H and C are evaluated in extended
+precision at every 16th state. Steps that have no solution are divided, and counted.
 """
 
 from __future__ import annotations

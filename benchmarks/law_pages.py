@@ -1,7 +1,8 @@
 """Write the heads of the laws' pages from the `Law` objects: ``python -m benchmarks.law_pages``.
 
-The head of a law's page, all that comes before the formula, is made from the `Law`; the rest is written by hand. The
-table of `docs/adapting.md` that says how laws are measured in the middle of a path is made from them too.
+The head of a law's page, all that comes before the formula, is made from the `Law`; the rest is
+written by hand. The table of `docs/adapting.md` that says how laws are measured in the middle of a
+path is made from them too.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from sepv.schemes import page_of as name_of_page
 from sepv.verification import ALL_LAWS, load_laws
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-# Parts of a page that are written by hand, in their order; each begins a paragraph. The last part is present only if
-# the report of a violation needs an explanation.
+# Parts of a page that are written by hand, in their order; each begins a paragraph. The last part
+# is present only if the report of a violation needs an explanation.
 PARTS = ("Why", "Measured", "Bound", "Broken by", "A violation")
 OPTIONAL = PARTS[-1:]
 
@@ -27,7 +28,9 @@ def page_of(law: Law) -> Path:
 
 
 def head(law: Law) -> str:
-    """The lines of a page up to its formula: the law's statement and its other fields, and those of its parts."""
+    """The lines of a page up to its formula: the law's statement and its other fields,
+    and those of its parts.
+    """
     file = f"test_{law.name.replace('-', '_')}.py"
     facts = f"{_facts(law)} [{file}](../../properties/{file})."
     facts += " Every scheme claims it." if law.always_claimed else ""
@@ -59,7 +62,9 @@ MIDDLES = "| laws | with a state |\n|---|---|\n"
 
 
 def middles() -> str:
-    """The table that says how each law is measured in the middle of a path of a scheme with a state, or why not."""
+    """The table that says how each law is measured in the middle of a path of a scheme with a
+    state, or why not.
+    """
     by_words: dict[str, list[str]] = {middle.value: [] for middle in Middle}
     for law in load_laws(ALL_LAWS):
         words = law.middle.value if isinstance(law.middle, Middle) else f"first steps: {law.middle}"

@@ -1,8 +1,9 @@
 """How close does the compiled engine come to hand-written C? ``python -m benchmarks.limit``.
 
-The limit is a hand-written C kernel for the rigid body, compiled here if there is a compiler. Runs of the engine and of
-the kernel alternate. Ratios of their times are shown as medians with quartiles. Times are CPU times of one thread, so
-that other programs on the machine disturb less; two threads are compared with one by wall time.
+The limit is a hand-written C kernel for the rigid body, compiled here if there is a compiler. Runs
+of the engine and of the kernel alternate. Ratios of their times are shown as medians with
+quartiles. Times are CPU times of one thread, so that other programs on the machine disturb less;
+two threads are compared with one by wall time.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ from sepv.simulate import Task
 from sepv.simulate._compiled.block_run import Chunk
 
 PATHS, STEPS, H, ONE = 5008, 100, 0.01, 200_000
-# Step sizes are H, or a quarter of a problem's longest step if less: Lotka-Volterra has unsolvable steps at h = 0.01.
+# Step sizes are H, or a quarter of a problem's longest step if less: Lotka-Volterra has unsolvable
+# steps at h = 0.01.
 
 EP = schemes.energy_preserving
 
@@ -74,7 +76,9 @@ class Limit:
         return job
 
     def volterra(self, h: float, iterations: int) -> Callable[[], None]:
-        """Run the C kernel of Lotka-Volterra with steps h over all paths. Increments for H are scaled to h."""
+        """Run the C kernel of Lotka-Volterra with steps h over all paths.
+        Increments for H are scaled to h.
+        """
         start, blocks = np.asarray(problems.lotka_volterra().initial), np.sqrt(h / H) * self.blocks
 
         def job() -> None:
@@ -131,7 +135,8 @@ def drawn(problem: sepv.Problem, h: float, workers: int = 1, paths: int = PATHS)
 def paired(
     jobs: list[tuple[str, Callable[[], Any], float]], base: int | list[int], rounds: int, clock: Any
 ) -> list[list[str]]:
-    """Rows (name, ns per path and step, ratio to jobs[base]) with medians and quartiles. The jobs run in turn.
+    """Rows (name, ns per path and step, ratio to jobs[base]) with medians and quartiles.
+    The jobs run in turn.
 
     If `base` is a list, it has the index of the base of each job.
     """
@@ -165,7 +170,9 @@ def show(title: str, rows: list[list[str]], notes: dict[int, str] | None = None)
 
 
 def many_paths(limit: Limit | None, dW: np.ndarray, rounds: int) -> None:
-    """Print the times of many paths of three problems, with increments given and drawn, against the C kernels."""
+    """Print the times of many paths of three problems, with increments given and drawn,
+    against the C kernels.
+    """
     jobs: list[tuple[str, Callable[[], Any], float]] = []
     size, notes = float(PATHS * STEPS), {}
     if limit is not None:
@@ -183,8 +190,8 @@ def many_paths(limit: Limit | None, dW: np.ndarray, rounds: int) -> None:
             notes[len(jobs) - 1] = f"{job().energy_defect.max():.1e}"
     bases = [0] * len(jobs)
     if limit is not None:
-        # The last two rows are of Lotka-Volterra. Their base is the C kernel of this problem with four iterations, the
-        # most that a path needs with these increments.
+        # The last two rows are of Lotka-Volterra. Their base is the C kernel of this problem with
+        # four iterations, the most that a path needs with these increments.
         bases[-2:] = [len(jobs)] * 3
         jobs.append(("C, SIMD, lotka-volterra, 4 iterations", limit.volterra(h, 4), size))
         limit.volterra(h, 4)()
@@ -207,9 +214,11 @@ def one_path(limit: Limit | None, dW: np.ndarray, rounds: int) -> None:
 
 
 def threads(limits: list[Limit], rounds: int) -> None:
-    """Print the wall times of two threads and of one, with so many paths that waking a second core costs little.
+    """Print the wall times of two threads and of one, with so many paths that waking a second core
+    costs little.
 
-    The C kernel runs too, twenty times over two sets of paths, because two cores are seldom twice as fast as one.
+    The C kernel runs too, twenty times over two sets of paths, because two cores are seldom twice
+    as fast as one.
     """
     problem, size = problems.rigid_body(), 40.0 * PATHS * STEPS
     jobs = [(f"{w} thread{'s' * (w > 1)}", drawn(problem, H, w, 40 * PATHS), size) for w in (2, 1)]
@@ -271,7 +280,9 @@ print(imported, seconds, int(peak.split()[1]) / 1024)
 
 
 def fresh(paths: int, folder: str) -> list[float]:
-    """The import time, the time of the first ensemble, and the peak memory in MB, of a new process."""
+    """The import time, the time of the first ensemble, and the peak memory in MB, of a new
+    process.
+    """
     environment = {**os.environ, "SEPV_CACHE_DIR": folder}
     out = subprocess.run(
         [sys.executable, "-c", _FRESH.format(paths=paths)],
@@ -284,7 +295,9 @@ def fresh(paths: int, folder: str) -> list[float]:
 
 
 def starts() -> None:
-    """Print the times of a start with a cold and a warm cache, and the memory of a million paths."""
+    """Print the times of a start with a cold and a warm cache, and the memory of a million
+    paths.
+    """
     with tempfile.TemporaryDirectory() as folder:
         cold, warm, large = fresh(5000, folder), fresh(5000, folder), fresh(1_000_000, folder)
     out = Console(width=116)
@@ -300,7 +313,8 @@ def main() -> None:
     parser.add_argument("--skip", nargs="*", default=[], choices=["scaling", "starts", "threads", "one"])
     options = parser.parse_args()
     rng = np.random.default_rng(0)
-    # The increments are truncated beforehand, as the scheme requires, because the C kernels do not truncate.
+    # The increments are truncated beforehand, as the scheme requires, because the C kernels do not
+    # truncate.
     cut = sepv.simulate.truncate
     dW = cut(np.sqrt(H) * rng.standard_normal((STEPS, 1, PATHS)), H)
     single = cut(np.sqrt(H) * rng.standard_normal((ONE, 1, 1)), H)

@@ -1,9 +1,11 @@
-"""Local orders of the schemes by quadrature over ΔW, as a table: ``python -m benchmarks.local_orders``.
+"""Local orders of the schemes by quadrature over ΔW, as a table:
+``python -m benchmarks.local_orders``.
 
-The table has for each scheme the slopes of (3.8), (3.9) and of the weak condition, beside the slopes that its claims
-require, and the number of steps. A slope is the smallest over the problems of the laws "local-mean",
-"local-mean-square" and "local-weak". No random numbers are drawn, so that results repeat. ``--points`` shows instead
-weak schemes with increments of two and three points, by "local-weak" and "weak-order".
+The table has for each scheme the slopes of (3.8), (3.9) and of the weak condition, beside the
+slopes that its claims require, and the number of steps. A slope is the smallest over the problems
+of the laws "local-mean", "local-mean-square" and "local-weak". No random numbers are drawn, so that
+results repeat. ``--points`` shows instead weak schemes with increments of two and three points, by
+"local-weak" and "weak-order".
 """
 
 from __future__ import annotations
@@ -35,7 +37,9 @@ def every() -> list[Scheme]:
 
 
 def shown(finding: Finding) -> str:
-    """A slope beside the least slope that is allowed, as text; "rounding" if all errors are rounding."""
+    """A slope beside the least slope that is allowed, as text;
+    "rounding" if all errors are rounding.
+    """
     if finding.verdict is Verdict.NOT_APPLICABLE:
         return "–"
     slope = "rounding" if finding.defect is None else f"{finding.defect:.2f}"

@@ -1,7 +1,9 @@
-"""Changes of the Casimirs tr Pᵏ on su(3)* and su(4)* by two midpoint schemes: ``python -m benchmarks.matrix_casimirs``.
+"""Changes of the Casimirs tr Pᵏ on su(3)* and su(4)* by two midpoint schemes:
+``python -m benchmarks.matrix_casimirs``.
 
-The table has for each scheme the rms over paths of the largest change of each Casimir over [0, 1], at several h. The
-problems are `su3-top` and the Zeitlin truncation of Euler's equations with N = 4, with noise and without.
+The table has for each scheme the rms over paths of the largest change of each Casimir over [0, 1],
+at several h. The problems are `su3-top` and the Zeitlin truncation of Euler's equations with N = 4,
+with noise and without.
 """
 
 from __future__ import annotations

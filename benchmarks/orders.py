@@ -1,14 +1,17 @@
-"""Mean-square and weak orders of s-stage collocation, with defects of invariants: ``python -m benchmarks.orders``.
+"""Mean-square and weak orders of s-stage collocation, with defects of invariants:
+``python -m benchmarks.orders``.
 
-Errors are against the exact flow at the random time. Each step size has its own paths. With two stages or more they are
-importance sampled (`sepv.properties._orders.tilting`), because the mean square of an error of order s is a (4s + 2)th
-moment, which plain paths do not show. Intervals have level 99 %. Defects are the largest over 256 plain paths, relative
-to the invariant's size at the start, in binary64.
+Errors are against the exact flow at the random time. Each step size has its own paths. With two
+stages or more they are importance sampled (`sepv.properties._orders.tilting`), because the mean
+square of an error of order s is a (4s + 2)th moment, which plain paths do not show. Intervals have
+level 99 %. Defects are the largest over 256 plain paths, relative to the invariant's size at the
+start, in binary64.
 
-Clipped increments (Remark 2.1) are too rare for sampling. Their part of the mean square is added in closed form
-(`sepv.exact._truncation_error`), and sampled paths with a clipped increment are left out. ``--stall`` shows the error
-of three stages with the paper's truncation k = 2 and with larger k, and the part of this error that clipping causes.
-``--clipping`` prints both for all numbers of stages.
+Clipped increments (Remark 2.1) are too rare for sampling. Their part of the mean square is added in
+closed form (`sepv.exact._truncation_error`), and sampled paths with a clipped increment are left
+out. ``--stall`` shows the error of three stages with the paper's truncation k = 2 and with larger
+k, and the part of this error that clipping causes. ``--clipping`` prints both for all numbers of
+stages.
 """
 
 from __future__ import annotations
@@ -48,7 +51,8 @@ class Run:
     steps: dict[int, tuple[int, ...]]
 
 
-# Steps are so fine that errors are asymptotic for increments of 4.4 standard deviations, but still above rounding.
+# Steps are so fine that errors are asymptotic for increments of 4.4 standard deviations, but still
+# above rounding.
 USUAL = {1: (16, 32, 64, 128), 2: (32, 64, 128, 256), 3: (32, 64, 128), 4: (32, 64, 128)}
 RUNS = {
     "rigid body": Run("rigid-body", 1.0, USUAL),
@@ -64,7 +68,9 @@ RUNS = {
 
 
 def quartic(seed: int = 3) -> Problem:
-    """A random quartic H in four variables with B_ij = Σ_k T_ijk y_k, T totally antisymmetric: Casimir |y|²."""
+    """A random quartic H in four variables with B_ij = Σ_k T_ijk y_k, T totally antisymmetric:
+    Casimir |y|².
+    """
     rng = np.random.default_rng(seed)
     d = 4
     weights = {indices: float(rng.integers(-2, 3)) / 2 or 1.0 for indices in combinations(range(d), 3)}
@@ -105,7 +111,9 @@ def measure(name: str, stages: int, paths: int, seed: int) -> StrongErrors:
 
 
 def defects(name: str, stages: int) -> tuple[float, float]:
-    """Largest relative defects of H and of the quadratic Casimirs (NaN if there is none), over solved paths."""
+    """Largest relative defects of H and of the quadratic Casimirs (NaN if there is none),
+    over solved paths.
+    """
     run, scheme = RUNS[name], schemes.collocation(stages)
     problem = build(run.make)
     y0 = np.asarray(problem.initial)
@@ -122,8 +130,8 @@ def defects(name: str, stages: int) -> tuple[float, float]:
 def weak_slope(errors: StrongErrors, alpha: float) -> Estimate:
     """The slope of log |E e| over the step sizes whose mean error exceeds SIGNAL standard errors.
 
-    With fewer than two such step sizes the slope is NaN and its interval infinite. Laws judge by `leading` and `decay`
-    of `sepv.properties._orders.means` instead.
+    With fewer than two such step sizes the slope is NaN and its interval infinite. Laws judge by
+    `leading` and `decay` of `sepv.properties._orders.means` instead.
     """
     d, paths = errors.errors.shape[1:]
     size = np.linalg.norm(errors.errors.mean(axis=2), axis=1)
@@ -167,7 +175,9 @@ def table_of_orders(paths: int, seed: int, names: list[str], stages: list[int]) 
 
 
 def stall(paths: int, seed: int) -> None:
-    """Print √(E|e|² + C²) and C for three stages on the rigid body and several k: C by clipping, e without clipping."""
+    """Print √(E|e|² + C²) and C for three stages on the rigid body and several k: C by clipping,
+    e without clipping.
+    """
     steps, problem = (8, 32, 128), problems.rigid_body()
     plain = tilted_errors(
         replace(schemes.collocation(3), truncation=None), problem, T=1.0, steps=steps, paths=range(paths),
@@ -188,7 +198,9 @@ def stall(paths: int, seed: int) -> None:
 
 
 def clipping(paths: int, seed: int) -> None:
-    """Print the error of unclipped paths and, for two k, the error by clipping: one to six stages on the rigid body."""
+    """Print the error of unclipped paths and, for two k, the error by clipping:
+    one to six stages on the rigid body.
+    """
     steps, problem = (2, 4, 8, 16), problems.rigid_body()
     table = Table(
         title=f"rigid body, {paths} paths: rms error without clipping / clipping with k = 2s / with the default k",

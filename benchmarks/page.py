@@ -1,8 +1,9 @@
 """Make the committed page, docs/report.html, from nothing: ``python -m benchmarks.page``.
 
-The page has the verdicts on built-in schemes, a comparison of their costs, the committed counters, and the reproduction
-of the paper. Verdicts on other libraries' solvers are only in docs/compliance.md, so that two places cannot contradict
-each other. Earlier results are kept in a folder and not measured again, so that an interrupted run can continue.
+The page has the verdicts on built-in schemes, a comparison of their costs, the committed counters,
+and the reproduction of the paper. Verdicts on other libraries' solvers are only in
+docs/compliance.md, so that two places cannot contradict each other. Earlier results are kept in a
+folder and not measured again, so that an interrupted run can continue.
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ COMPARED = (
 
 
 def commands(quick: bool) -> dict[str, list[str]]:
-    """Map each JSON file to the arguments of ``sepv`` that make it: verify, compare or reproduce."""
+    """Map each JSON file to the arguments of ``sepv`` that make it: verify, compare or
+    reproduce.
+    """
     less = ["--examples", "5", "--paths", "64"] if quick else []
     made = {f"{name}.json": ["verify", name, *less] for name in SCHEMES}
     made["compare.json"] = ["compare", *COMPARED, *(["--paths", "64", "--repeats", "1"] if quick else [])]

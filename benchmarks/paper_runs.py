@@ -1,7 +1,7 @@
 """Invariant defects over the paper's runs, in eps·√N: ``python -m benchmarks.paper_runs``.
 
-H and the Casimirs C are evaluated in extended precision at the binary64 state after every step. Their defects are
-relative to the value at the start (for an energy near zero, to Σ|∂_iH y_i|).
+H and the Casimirs C are evaluated in extended precision at the binary64 state after every step.
+Their defects are relative to the value at the start (for an energy near zero, to Σ|∂_iH y_i|).
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ EPS = float(np.finfo(np.float64).eps)
 
 
 def defects(scheme: sepv.Scheme, name: str, h: float, steps: int, seed: int = 0) -> tuple[float, float]:
-    """Largest relative defect of H and of the quadratic Casimirs (NaN if there is none), in eps·√N."""
+    """Largest relative defect of H and of the quadratic Casimirs (NaN if there is none), in
+    eps·√N.
+    """
     problem = problems.by_name(name)
     assert problem.data is not None
     exact = exact_problem(problem.data, 30)

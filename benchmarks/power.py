@@ -1,10 +1,13 @@
-"""How surely does a law find a fault that shows in one stratum of its cases only, or in one pair of strata?
+"""How surely does a law find a fault that shows in one stratum of its cases only,
+or in one pair of strata?
 
-``python -m benchmarks.power [--seeds N] [--start S]``. A stratum is a part of the test cases, such as those with d = 3.
-A law's design is a list of cases that covers the strata and their pairs. The schemes are saboteurs (broken on purpose).
-In the strata that the table names they are right, or their error is below rounding. Each case of the design is measured
-once. If the saboteur is accused in a case of two strata, so is a scheme that is broken only in this pair of strata. So
-one measurement of each case gives the power for all pairs. Random examples, which come after the design, do not count.
+``python -m benchmarks.power [--seeds N] [--start S]``. A stratum is a part of the test cases, such
+as those with d = 3. A law's design is a list of cases that covers the strata and their pairs. The
+schemes are saboteurs (broken on purpose). In the strata that the table names they are right, or
+their error is below rounding. Each case of the design is measured once. If the saboteur is accused
+in a case of two strata, so is a scheme that is broken only in this pair of strata. So one
+measurement of each case gives the power for all pairs. Random examples, which come after the
+design, do not count.
 """
 
 from __future__ import annotations
@@ -30,7 +33,9 @@ from sepv.verification import load_laws
 
 
 class Fault(NamedTuple):
-    """A scheme that a law must accuse, and the strata in which it is right or its error is below rounding."""
+    """A scheme that a law must accuse, and the strata in which it is right or its error is below
+    rounding.
+    """
 
     law: str
     broken: str
@@ -38,12 +43,14 @@ class Fault(NamedTuple):
     systems: Systems = Systems.SINGLE
 
 
-# A quadrature with too few nodes, or B at the wrong place, causes an error that is a power of step/contraction radius.
+# A quadrature with too few nodes, or B at the wrong place, causes an error that is a power of
+# step/contraction radius.
 _SHORT = "step/radius: 2⁻¹⁰"
 _QUADRATIC = ("degree of H: 1–2", _SHORT)
 _CONSTANT = ("degree of B: 0", _SHORT)
 
-# First faults that show in all cases to which the law applies, to test which cases a design has. Then subtler faults.
+# First faults that show in all cases to which the law applies, to test which cases a design has.
+# Then subtler faults.
 FAULTS = (
     *(
         Fault(law, "relative-error-1e-10")
@@ -137,7 +144,9 @@ def _space(fault: Fault) -> Space:
 
 
 def measured(fault: Fault, seed: int) -> dict[tuple[int, ...], bool]:
-    """Map each row of the law's design to True if the law accuses the scheme in the case of this row."""
+    """Map each row of the law's design to True if the law accuses the scheme in the case of this
+    row.
+    """
     module = import_module(f"sepv.properties.test_{page_of(fault.law).replace('-', '_')}")
     check = module.check_casimir if fault.law == "invariant:casimir" else module.check
     found = {}
@@ -156,8 +165,8 @@ def measured(fault: Fault, seed: int) -> dict[tuple[int, ...], bool]:
 def power(fault: Fault, seen: dict[tuple[int, ...], bool]) -> tuple[int, int, int, int, set[str]]:
     """The power of a law against one fault.
 
-    The result has the number of strata in which the fault is found, the number of all strata, these two numbers for
-    pairs of strata, and the names of the missed pairs.
+    The result has the number of strata in which the fault is found, the number of all strata, these
+    two numbers for pairs of strata, and the names of the missed pairs.
     """
     space = _space(fault)
     levels = [

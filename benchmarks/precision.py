@@ -1,9 +1,11 @@
-"""Strong error against evaluations, for collocation and other methods: ``python -m benchmarks.precision``.
+"""Strong error against evaluations, for collocation and other methods:
+``python -m benchmarks.precision``.
 
-All schemes have the same paths, and errors are against the exact flow at the random time. Evaluations of ∇H are counted
-for one path over [0, T], with those of Newton's iterations and without Hessians. The squared error is that on unclipped
-paths plus the part of clipped increments by `sepv.exact._truncation_error`. The exact flow itself costs one normal
-number per path and one dense solve for all paths, and has no step size. Points with an unsolved step are left out.
+All schemes have the same paths, and errors are against the exact flow at the random time.
+Evaluations of ∇H are counted for one path over [0, T], with those of Newton's iterations and
+without Hessians. The squared error is that on unclipped paths plus the part of clipped increments
+by `sepv.exact._truncation_error`. The exact flow itself costs one normal number per path and one
+dense solve for all paths, and has no step size. Points with an unsolved step are left out.
 
 ``--picture FILE.png`` draws a picture, for which matplotlib is needed (the extra ``plots``).
 """
@@ -30,7 +32,8 @@ from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.simulate import run_chunk, wiener
 from sepv.simulate import truncation as bounded
 
-# (end time, numbers of steps): the coarsest first; powers of two, so that all have the same Wiener path.
+# (end time, numbers of steps): the coarsest first; powers of two, so that all have the same Wiener
+# path.
 GRIDS = {
     "rigid-body": (1.0, (2, 4, 8, 16, 32, 64, 128, 256)),
     "pendulum": (1.0, (2, 4, 8, 16, 32, 64, 128, 256)),
@@ -53,7 +56,8 @@ FLOOR = 1e-13
 class Point:
     """A point of the picture: one scheme with one number of steps.
 
-    It has the rms error, the evaluations of ∇H and B for a path, and the largest relative energy defect.
+    It has the rms error, the evaluations of ∇H and B for a path, and the largest relative energy
+    defect.
     """
 
     scheme: str
@@ -98,7 +102,9 @@ def work(scheme: Scheme, gradients: int, structures: int, steps: int) -> tuple[i
 
 
 def cheapest(points: list[Point], goal: float) -> tuple[str, float] | None:
-    """The scheme that needs the fewest evaluations for the error `goal`, and their number, by log-log interpolation."""
+    """The scheme that needs the fewest evaluations for the error `goal`, and their number,
+    by log-log interpolation.
+    """
     best = None
     for name in dict.fromkeys(p.scheme for p in points):
         own = [p for p in points if p.scheme == name and not p.failed]
@@ -109,7 +115,9 @@ def cheapest(points: list[Point], goal: float) -> tuple[str, float] | None:
 
 
 def evaluations_for(own: list[Point], goal: float) -> float | None:
-    """The evaluations that one scheme needs for an error; None if no two of its points enclose the error."""
+    """The evaluations that one scheme needs for an error;
+    None if no two of its points enclose the error.
+    """
     for coarse, fine in pairwise(own):
         if fine.error <= goal <= coarse.error:
             share = np.log(coarse.error / goal) / np.log(coarse.error / fine.error)
@@ -139,7 +147,9 @@ def table_of_points(name: str, points: list[Point], out: Console) -> None:
 
 
 def table_of_goals(results: dict[str, list[Point]], out: Console) -> None:
-    """Print the table of goals: for each error the cheapest scheme, and the cheapest one that keeps the energy."""
+    """Print the table of goals: for each error the cheapest scheme,
+    and the cheapest one that keeps the energy.
+    """
     table = Table(title="fewest evaluations of ∇H a path for an rms error", title_justify="left", box=None)
     for heading in ("problem", "of", *(f"{goal:.0e}" for goal in GOALS)):
         table.add_column(heading)
@@ -154,7 +164,9 @@ def table_of_goals(results: dict[str, list[Point]], out: Console) -> None:
 
 
 def picture(results: dict[str, list[Point]], path: Path) -> None:
-    """Draw one panel for each problem: error against evaluations, with solid lines for collocation."""
+    """Draw one panel for each problem: error against evaluations, with solid lines for
+    collocation.
+    """
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 

@@ -1,4 +1,6 @@
-"""Contents and costs of the references, and errors of float64 against them: ``python -m benchmarks.references``."""
+"""Contents and costs of the references, and errors of float64 against them:
+``python -m benchmarks.references``.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ def family(v: ReferenceVector) -> str:
 
 
 def error(v: ReferenceVector, y1: np.ndarray) -> tuple[float, float]:
-    """The largest error of a component of y1 in ulp of the largest component, and the largest ratio to its bound."""
+    """The largest error of a component of y1 in ulp of the largest component,
+    and the largest ratio to its bound.
+    """
     ctx, unit = context(60), state_ulp(np.array(v.y), np.array(v.y1_hex))
     floor = EPS * EPS * max(map(abs, (*v.y, *v.y1_hex))) + TINY
     off = [abs(float(ctx.mpf(a) - float(b))) for a, b in zip(v.y1, y1, strict=True)]

@@ -1,11 +1,12 @@
 """Brouwer's law over many steps: ``python -m benchmarks.rounding [--steps 1e8]``.
 
-The energy-preserving scheme (2.1) runs on the paper's four problems with the compiled engine. The table has the random
-walk of H and the Casimirs by rounding, with plain and with compensated summation, beside the prediction of
-`sepv.law.tolerance.rounding_walk`. Invariants are evaluated in extended precision. Bias is the mean defect
-over paths at the end, per step and in standard errors. Growth is the exponent of the rms defect over the last
-ten doublings of the time, with a 99 % bootstrap interval over paths. Lotka-Volterra has h = 2⁻²⁰, because (2.1) does
-not keep its Casimir, which is not quadratic: over 10⁸ steps of 2⁻¹⁰ every path drifts to a step without a solution.
+The energy-preserving scheme (2.1) runs on the paper's four problems with the compiled engine. The
+table has the random walk of H and the Casimirs by rounding, with plain and with compensated
+summation, beside the prediction of `sepv.law.tolerance.rounding_walk`. Invariants are evaluated in
+extended precision. Bias is the mean defect over paths at the end, per step and in standard errors.
+Growth is the exponent of the rms defect over the last ten doublings of the time, with a 99 %
+bootstrap interval over paths. Lotka-Volterra has h = 2⁻²⁰, because (2.1) does not keep its Casimir,
+which is not quadratic: over 10⁸ steps of 2⁻¹⁰ every path drifts to a step without a solution.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Mean-square slopes against the exact flow, schemes × problems: ``python -m benchmarks.slopes``.
 
-Each slope has a 99 % interval (jackknife over groups of paths); all step sizes have the same Wiener paths.
+Each slope has a 99 % interval (jackknife over groups of paths); all step sizes have the same Wiener
+paths.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from sepv.properties._orders.convergence import strong_errors
 from benchmarks import over, start
 from sepv import problems, schemes
 
-# (T, numbers of steps). Lotka-Volterra needs h ≤ 2⁻⁷, because some larger steps have no solution, and explicit
-# schemes leave the octant.
+# (T, numbers of steps). Lotka-Volterra needs h ≤ 2⁻⁷, because some larger steps have no solution,
+# and explicit schemes leave the octant.
 GRIDS = {
     "harmonic-oscillator": (1.0, (8, 16, 32, 64, 128)),
     "rigid-body": (1.0, (8, 16, 32, 64, 128)),

@@ -1,7 +1,8 @@
 """Numbers about the source tree: ``python -m benchmarks.source_tree [FOLDER of another checkout]``.
 
-The numbers count subpackages, modules, public names, lines, repeated lines and circular imports. A name is public if no
-part of its path begins with an underscore: a name in a subpackage's `__init__`, or of a module without underscore.
+The numbers count subpackages, modules, public names, lines, repeated lines and circular imports. A
+name is public if no part of its path begins with an underscore: a name in a subpackage's
+`__init__`, or of a module without underscore.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from statistics import median
 
 from benchmarks import start
 
-# The least length of a run of equal lines that counts as repeated; blank lines, comments and imports are left out.
+# The least length of a run of equal lines that counts as repeated; blank lines, comments and
+# imports are left out.
 RUN = 6
 
 
@@ -99,7 +101,9 @@ def repeated(files: list[Path]) -> int:
 
 
 def circles(root: Path, trees: dict[Path, ast.Module]) -> int:
-    """The number of imports to remove until no imports are circular; imports inside functions count too."""
+    """The number of imports to remove until no imports are circular;
+    imports inside functions count too.
+    """
     names = {
         ".".join(p for p in path.relative_to(root).with_suffix("").parts if p != "__init__"): tree
         for path, tree in trees.items()

@@ -1,9 +1,11 @@
-"""How much do sampled laws find on schemes that take one state at a time? ``python -m benchmarks.spared``.
+"""How much do sampled laws find on schemes that take one state at a time?
+``python -m benchmarks.spared``.
 
-For right schemes the lines count the seeds with each verdict of *mean-square-order*, *weak-order*, *right-limit* and
-*rounding*. ``--fault`` and ``--size ε`` choose a faulty scheme: Euler-Heun with noise or drift times 1 + ε, without the
-part ε of Itô's correction, or with ε f (ΔW₁² − h) added, which makes the order ½; or (2.1) by a fixed-point iteration
-that is stopped at ε. A law finds the fault if it says `violated`; an inconclusive law accuses nobody.
+For right schemes the lines count the seeds with each verdict of *mean-square-order*, *weak-order*,
+*right-limit* and *rounding*. ``--fault`` and ``--size ε`` choose a faulty scheme: Euler-Heun with
+noise or drift times 1 + ε, without the part ε of Itô's correction, or with ε f (ΔW₁² − h) added,
+which makes the order ½; or (2.1) by a fixed-point iteration that is stopped at ε. A law finds the
+fault if it says `violated`; an inconclusive law accuses nobody.
 """
 
 from __future__ import annotations
@@ -36,7 +38,9 @@ def _added(size: float, more: Callable[[Problem, Array, float, Array], Array]) -
 
 
 def _correction(problem: Problem, y: Array, h: float, _dW: Array) -> Array:
-    """Itô's correction −½h Σ c_j² f′f by a central difference, whose error only changes ε a little."""
+    """Itô's correction −½h Σ c_j² f′f by a central difference, whose error only changes ε a
+    little.
+    """
     ahead = 1e-5 * _field(problem, y)
     slope = (_field(problem, y + ahead) - _field(problem, y - ahead)) / 2e-5
     return -0.5 * h * float(np.sum(problem.c**2)) * slope

@@ -1,6 +1,8 @@
-"""How many steps does a default run ask of a scheme that takes one state at a time? ``python -m benchmarks.steps``.
+"""How many steps does a default run ask of a scheme that takes one state at a time?
+``python -m benchmarks.steps``.
 
-The default schemes are the midpoint rule and (2.1). The last column has the laws that take the most steps.
+The default schemes are the midpoint rule and (2.1). The last column has the laws that take the most
+steps.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""The cost of ensembles and of a long path in both engines, with counters, strong error and invariant defects."""
+"""The cost of ensembles and of a long path in both engines, with counters,
+strong error and invariant defects.
+"""
 
 from __future__ import annotations
 

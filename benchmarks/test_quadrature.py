@@ -1,4 +1,6 @@
-"""The cost of the averaged gradient by closed form, Gauss rule and adaptive rule, with evaluations and errors."""
+"""The cost of the averaged gradient by closed form, Gauss rule and adaptive rule,
+with evaluations and errors.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The cost of the implicit solve: small and large steps, few and many components, with iterations and residual."""
+"""The cost of the implicit solve: small and large steps, few and many components,
+with iterations and residual.
+"""
 
 from __future__ import annotations
 

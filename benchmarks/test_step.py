@@ -1,4 +1,6 @@
-"""The cost of one step, for one state and for a batch, with numbers of evaluations and energy defects."""
+"""The cost of one step, for one state and for a batch,
+with numbers of evaluations and energy defects.
+"""
 
 from __future__ import annotations
 

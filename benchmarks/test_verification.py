@@ -1,4 +1,6 @@
-"""The cost of verification itself: laws with a small effort, and one step of the reference in 50 digits."""
+"""The cost of verification itself: laws with a small effort,
+and one step of the reference in 50 digits.
+"""
 
 from __future__ import annotations
 

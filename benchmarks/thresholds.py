@@ -1,8 +1,10 @@
-"""From which size on does each law find a wrong noise or drift? ``python -m benchmarks.thresholds``.
+"""From which size on does each law find a wrong noise or drift?
+``python -m benchmarks.thresholds``.
 
-The scheme is (2.1) with the random step h(1 + d) + (1 + n) Σ c_jΔW_j, with the error n of the noise and d of the drift.
-Neither error changes an invariant. Each law runs at the default budget, with n or d falling by factors of ten, until it
-no longer says `violated`. The table has the smallest error that a law finds, and its verdict on the next smaller one.
+The scheme is (2.1) with the random step h(1 + d) + (1 + n) Σ c_jΔW_j, with the error n of the noise
+and d of the drift. Neither error changes an invariant. Each law runs at the default budget, with n
+or d falling by factors of ten, until it no longer says `violated`. The table has the smallest error
+that a law finds, and its verdict on the next smaller one.
 """
 
 from __future__ import annotations
@@ -37,7 +39,9 @@ def verdict(law: str, of: str, size: float) -> Verdict:
 
 
 def smallest(law: str, of: str) -> tuple[int | None, Verdict]:
-    """The exponent of the least power of ten that a law finds, or None, and its verdict on the next smaller power."""
+    """The exponent of the least power of ten that a law finds, or None,
+    and its verdict on the next smaller power.
+    """
     named = None
     for power in range(-1, LEAST_POWER - 1, -1):
         found = verdict(law, of, 10.0**power)

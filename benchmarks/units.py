@@ -1,9 +1,12 @@
-"""Do verdicts depend on units? ``python -m benchmarks.units``: right schemes, problems of every rate, noise and size.
+"""Do verdicts depend on units? ``python -m benchmarks.units``: right schemes,
+problems of every rate, noise and size.
 
-A problem dy = f(y)(dt + Σ c_j∘dW_j) becomes dy = ωλf(y/λ)(dt + Σ γc_j∘dW_j) from λy0. With γ = ω^{−½} this is the
-problem in another unit of time, with λ in another unit of length, and with γ alone it has another noise. Each of ω, γ,
-λ takes values from 1e-6 to 1e6 alone, and all take extreme values together. No law may accuse a right scheme or be
-inconclusive. The table has a row for each problem and scheme; each law that does not hold has a line with its reason.
+A problem dy = f(y)(dt + Σ c_j∘dW_j) becomes dy = ωλf(y/λ)(dt + Σ γc_j∘dW_j) from λy0. With
+γ = ω^{−½} this is the problem in another unit of time, with λ in another unit of length,
+and with γ alone it has another noise. Each of ω, γ, λ takes values from 1e-6 to 1e6 alone,
+and all take extreme values together. No law may accuse a right scheme or be inconclusive.
+The table has a row for each problem and scheme; each law that does not hold has a line with
+its reason.
 """
 
 from __future__ import annotations
@@ -52,7 +55,8 @@ SCALES = tuple(
         ]
     )
 )
-# The laws that judge a user's problem in steps h that the suite chooses. Other laws take the steps of their cases.
+# The laws that judge a user's problem in steps h that the suite chooses. Other laws take the steps
+# of their cases.
 LAWS = (
     "rounding", "truncation", "local-mean", "local-mean-square", "local-weak", "mean-square-order", "weak-order",
     "right-limit",
@@ -139,7 +143,9 @@ def findings(
 
 
 def wrong(found: Finding) -> bool:
-    """True if a finding on a right scheme is violated or left open, or "not applicable" without a reason."""
+    """True if a finding on a right scheme is violated or left open,
+    or "not applicable" without a reason.
+    """
     if found.verdict is Verdict.NOT_APPLICABLE:
         return not found.message
     return found.verdict is not Verdict.HOLDS

@@ -1,11 +1,13 @@
-"""Weak errors by brute force: means over paths that no exact path accompanies. ``python -m benchmarks.weak_errors``.
+"""Weak errors by brute force: means over paths that no exact path accompanies.
+``python -m benchmarks.weak_errors``.
 
 Section 5 of the paper leaves the weak order of (2.1) open. This study measures
 E φ(y_N) − E φ(y(T)) for three functions φ, from paths drawn afresh for each scheme and each h.
 y(T) is the exact flow at the time θ = T + Σ c_j W_j(T), so E φ(y(T)) is an integral over one normal
 variable, computed by quadrature.
 
-``--paths 1e9 --engine cuda`` needs a card and some minutes; the defaults need some minutes of one core.
+``--paths 1e9 --engine cuda`` needs a card and some minutes; the defaults need some minutes of one
+core.
 """
 
 from __future__ import annotations
@@ -50,7 +52,9 @@ class WeakError(NamedTuple):
 
 
 def expectations(problem: Problem) -> dict[str, float]:
-    """E φ(y(T)) of each function by Gauss-Hermite quadrature over θ, exact to rounding for these smooth flows."""
+    """E φ(y(T)) of each function by Gauss-Hermite quadrature over θ,
+    exact to rounding for these smooth flows.
+    """
     x, weights = np.polynomial.hermite_e.hermegauss(NODES)
     kept = weights > weights.max() * 1e-30
     theta = T + np.sqrt(T * float(np.sum(problem.c**2))) * x[kept]
@@ -59,7 +63,9 @@ def expectations(problem: Problem) -> dict[str, float]:
 
 
 def weak_errors(problem: Problem, scheme: str, steps: int, **options: Any) -> list[WeakError]:
-    """The weak errors of a scheme with N = `steps` steps; `options` are paths, seed and engine of `sepv.ensemble`."""
+    """The weak errors of a scheme with N = `steps` steps; `options` are paths,
+    seed and engine of `sepv.ensemble`.
+    """
     reduced = {name: (lambda ends, f=f: f(ends.y)) for name, f in FUNCTIONS.items()}
     ends = sepv.ensemble(scheme, problem, h=T / steps, steps=steps, reduce=reduced, **options)
     exact = expectations(problem)
@@ -70,7 +76,9 @@ def weak_errors(problem: Problem, scheme: str, steps: int, **options: Any) -> li
 
 
 def order(found: list[WeakError]) -> tuple[float, float]:
-    """The order and the half-width of its 99 % interval: a weighted fit of ln |error| where an error is seen."""
+    """The order and the half-width of its 99 % interval:
+    a weighted fit of ln |error| where an error is seen.
+    """
     seen = [w for w in found if w.seen]
     if len(seen) < 2:
         return float("nan"), float("inf")

@@ -1,7 +1,9 @@
-"""How surely does a law find a fault in only one decade of h? ``python -m benchmarks.windows [--seeds N]``.
+"""How surely does a law find a fault in only one decade of h?
+``python -m benchmarks.windows [--seeds N]``.
 
-The schemes are (2.1) with a fault for 10ⁿ < h < 10ⁿ⁺¹: *truncation* must find increments clipped with k = 1, of every
-noise or of the second one; *local-mean-square* must find Euler's step. A cell is the fraction of seeds with success.
+The schemes are (2.1) with a fault for 10ⁿ < h < 10ⁿ⁺¹: *truncation* must find increments clipped
+with k = 1, of every noise or of the second one; *local-mean-square* must find Euler's step. A cell
+is the fraction of seeds with success.
 """
 
 from __future__ import annotations

@@ -1,9 +1,11 @@
-"""Make the corpus of witnesses (stored counterexamples): ``python -m benchmarks.witnesses [--law NAME]... [-j N]``.
+"""Make the corpus of witnesses (stored counterexamples):
+``python -m benchmarks.witnesses [--law NAME]... [-j N]``.
 
-A law searches a counterexample for each saboteur that by theory it must accuse, and for each built-in scheme that does
-not claim it, unless a case found before accuses the scheme. Each simplified case is then tried on all these schemes, by
-class of systems. A few are kept: the one that accuses most schemes (ties: the quicker, then the shorter), then the one
-that accuses most of the rest. If a right scheme fails a case, the law is defective, and the run ends.
+A law searches a counterexample for each saboteur that by theory it must accuse, and for each
+built-in scheme that does not claim it, unless a case found before accuses the scheme. Each
+simplified case is then tried on all these schemes, by class of systems. A few are kept: the one
+that accuses most schemes (ties: the quicker, then the shorter), then the one that accuses most of
+the rest. If a right scheme fails a case, the law is defective, and the run ends.
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ from sepv.schemes import Scheme
 from sepv.verification import load_laws
 
 FOLDER = Path(__file__).resolve().parents[1] / "reference" / "witnesses"
-# The most witnesses of a law and a class of systems; faults that they do not show are left to the search.
+# The most witnesses of a law and a class of systems; faults that they do not show are left to the
+# search.
 WITNESSES_MAX = 6
 # The most checks for simplifying a counterexample.
 SHRINK = 200
@@ -48,7 +51,9 @@ def made(name: str) -> dict[str, Any]:
 
 
 def _of_class(law: Law, systems: Systems) -> list[dict[str, Any]]:
-    """The witnesses of a law for one class of systems, in the order in which they are to be tried."""
+    """The witnesses of a law for one class of systems, in the order in which they are to be
+    tried.
+    """
     suspects = suspects_of(law, systems)
     candidates: dict[Case, str] = {}
     for name, scheme in suspects.items():
@@ -78,7 +83,9 @@ def _of_class(law: Law, systems: Systems) -> list[dict[str, Any]]:
 
 
 def _shows_alone(law: str, systems: Systems, name: str, case: Case) -> bool:
-    """True if a new process finds the violation in this case alone, because a scheme may remember earlier cases."""
+    """True if a new process finds the violation in this case alone,
+    because a scheme may remember earlier cases.
+    """
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as fresh:
         return fresh.submit(_accused_by_name, law, systems, name, to_json(case)).result()
 
@@ -126,7 +133,9 @@ def searched_laws() -> list[str]:
 
 
 def suspects_of(law: Law, systems: Systems) -> dict[str, Scheme]:
-    """The saboteurs of the class that theory names for the law and that claim it, and built-in schemes that do not."""
+    """The saboteurs of the class that theory names for the law and that claim it,
+    and built-in schemes that do not.
+    """
     broken = (s for s in SABOTEURS.values() if law.name in s.caught_by and s.scheme.systems == systems)
     return {s.name: s.scheme for s in broken if law.claimed_by(s.scheme)} | {
         s.name: s for s in _built_in(systems) if not law.claimed_by(s)

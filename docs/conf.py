@@ -1,4 +1,6 @@
-"""How the site is built: `python -m sphinx -W docs build/site`. Everything that it shows is in the built folder."""
+"""How the site is built: `python -m sphinx -W docs build/site`.
+Everything that it shows is in the built folder.
+"""
 
 from __future__ import annotations
 

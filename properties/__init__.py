@@ -1,11 +1,13 @@
-"""The laws, which are properties of one-step schemes. Each file has one theorem: a `law`, and a test for pytest.
+"""The laws, which are properties of one-step schemes. Each file has one theorem: a `law`,
+and a test for pytest.
 
-Files whose names begin with an underscore contain measurements that several laws use. `_orders` measures orders of
-convergence: of one step by quadrature, and over sampled paths. `_exact_step` solves a step in extended precision.
-`_sequential` samples paths of `_setups` until the verdict is clear. `_without_solution` proves that a step has no
-solution. `_growth`, `_decay`, `_trace_formula`, `_poisson_map`, `_reversal`, `_way_back` and `_states_of_a_path` have
-one theorem each, which two or three laws use. `_structures` tests conditions on B. `_without_memory` has the checks of
-the law *contract* that need several calls of a step.
+Files whose names begin with an underscore contain measurements that several laws use. `_orders`
+measures orders of convergence: of one step by quadrature, and over sampled paths. `_exact_step`
+solves a step in extended precision. `_sequential` samples paths of `_setups` until the verdict is
+clear. `_without_solution` proves that a step has no solution. `_growth`, `_decay`,
+`_trace_formula`, `_poisson_map`, `_reversal`, `_way_back` and `_states_of_a_path` have one theorem
+each, which two or three laws use. `_structures` tests conditions on B. `_without_memory` has the
+checks of the law *contract* that need several calls of a step.
 """
 
 from __future__ import annotations

@@ -30,7 +30,9 @@ def _loaded(name: str) -> Law:
 
 
 def listed(names: str | Iterable[str]) -> Iterable[str]:
-    """Split a string of names at its commas; a list of names is returned unchanged. A UsageError for anything else."""
+    """Split a string of names at its commas; a list of names is returned unchanged.
+    A UsageError for anything else.
+    """
     if not isinstance(names, Iterable):
         raise UsageError(
             expected="names of laws in a list, or with commas in a text",
@@ -45,7 +47,9 @@ _TELLING = ("not_measured", "not_applicable", "holds", "inconclusive", "error", 
 
 
 def renamed(report: dict[str, Any]) -> dict[str, Any]:
-    """A stored report with the present names of laws; of laws that are one now, it keeps the most telling verdict."""
+    """A stored report with the present names of laws; of laws that are one now,
+    it keeps the most telling verdict.
+    """
     if not FORMER.keys() & {law["law"] for law in report["laws"]}:
         return report
     found: dict[str, dict[str, Any]] = {}

@@ -1,4 +1,6 @@
-"""Steps solved in extended precision. Solutions do not depend on a scheme's code, so they are cached between runs."""
+"""Steps solved in extended precision. Solutions do not depend on a scheme's code,
+so they are cached between runs.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +20,11 @@ def exact_step(
     method: str | Equation, data: Description, y: Sequence[float], h: float, dW: Sequence[float],
     start: list[float] | None = None,
 ) -> tuple[list[Any], list[list[float]]]:  # fmt: skip
-    """Return y1 to DIGITS digits, as d numbers of mpmath, and the condition matrix (d, d) of the step's equation.
+    """Return y1 to DIGITS digits, as d numbers of mpmath, and the condition matrix (d, d)
+    of the step's equation.
 
-    Arguments and errors are those of `sepv.reference.steps.reference_step`. Only steps of named equations are cached.
+    Arguments and errors are those of `sepv.reference.steps.reference_step`. Only steps of named
+    equations are cached.
     """
 
     def solved() -> tuple[list[Any], list[list[float]]]:

@@ -1,4 +1,6 @@
-"""Classify the growth t^a of errors as bounded, a random walk, linear or faster, by a confidence interval of a."""
+"""Classify the growth t^a of errors as bounded, a random walk, linear or faster,
+by a confidence interval of a.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +10,20 @@ from sepv.problem import Array, Problem
 from sepv.record import EPS
 from sepv.statistics import jackknife_half
 
-# LEVEL is the probability that the two-sided confidence interval of an exponent misses the exponent.
+# LEVEL is the probability that the two-sided confidence interval of an exponent misses the
+# exponent.
 LEVEL = 1e-3
-# KINDS of growth t^a, each with the upper end of its exponents a. The ends are half-way between 0, ½, 1 and 1½.
+# KINDS of growth t^a, each with the upper end of its exponents a. The ends are half-way between 0,
+# ½, 1 and 1½.
 KINDS = (("bounded", 0.25), ("a random walk", 0.75), ("linear", 1.25), ("faster than linear", np.inf))
 
 
 def exponent(times: Array, errors: Array) -> tuple[float, float]:
-    """Return the slope of ln rms against ln t and the half-width of its confidence interval, by a jackknife over paths.
+    """Return the slope of ln rms against ln t and the half-width of its confidence interval,
+    by a jackknife over paths.
 
-    `errors` (L, M) holds the errors of M paths at L times. If a few paths dominate the rms, the interval is wide.
+    `errors` (L, M) holds the errors of M paths at L times. If a few paths dominate the rms, the
+    interval is wide.
     """
     squares = errors**2
     total, paths = squares.sum(axis=1), squares.shape[1]
@@ -30,7 +36,9 @@ def exponent(times: Array, errors: Array) -> tuple[float, float]:
 
 
 def kind_of(value: float, half: float) -> str:
-    """Return the kind of growth whose range of exponents contains the interval value ± half, or "open" if none does."""
+    """Return the kind of growth whose range of exponents contains the interval value ± half,
+    or "open" if none does.
+    """
     edges = (-np.inf, *(edge for _, edge in KINDS))
     for (kind, high), low in zip(KINDS, edges, strict=False):
         if low < value - half and value + half < high:
@@ -44,11 +52,13 @@ def grows(value: float, half: float) -> bool:
 
 
 def rounding_walk(problem: Problem, y: Array, steps: int) -> float:
-    """Bound the change of H that rounding causes over N = `steps` steps of a scheme that keeps H. y (d, M) are states.
+    """Bound the change of H that rounding causes over N = `steps` steps of a scheme that keeps H.
+    y (d, M) are states.
 
-    A step rounds each component of y by half an ulp, and its residual has the same size. So a step changes H by at most
-    2 eps S with S = Σ|∂_iH y_i| + |H|. If the signs of the changes are independent, Azuma's inequality bounds their sum
-    by 8 eps √N S, except with probability below 1e-3. Measured sums are about 0.3 eps √N S.
+    A step rounds each component of y by half an ulp, and its residual has the same size. So a step
+    changes H by at most 2 eps S with S = Σ|∂_iH y_i| + |H|. If the signs of the changes are
+    independent, Azuma's inequality bounds their sum by 8 eps √N S, except with probability below
+    1e-3. Measured sums are about 0.3 eps √N S.
     """
     size = np.max(np.sum(np.abs(problem.gradient(y) * y), axis=0)) + np.max(np.abs(problem.hamiltonian(y)))
     return 8 * EPS * float(np.sqrt(steps)) * float(size)

@@ -14,7 +14,9 @@ HALVINGS = 12
 
 
 def divisor(scheme: Scheme, problem: Problem, h: float) -> int:
-    """Return the least power of two q with which the scheme takes a step k = h/q, all ΔW_j = LIKELY_DEVIATIONS √k."""
+    """Return the least power of two q with which the scheme takes a step k = h/q,
+    all ΔW_j = LIKELY_DEVIATIONS √k.
+    """
     for n in range(HALVINGS):
         size = h / 2**n
         if takes(

@@ -1,16 +1,18 @@
-"""The check of the law "poisson-map" and of its conformal kind: Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1), with a derived bound.
+"""The check of the law "poisson-map" and of its conformal kind: Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1),
+with a derived bound.
 
-Φ is one step y0 → y1, with the step size h and the increments ΔW held fixed. `sepv.problem._poisson` computes
-Φ′ by central differences, with a bound E of the error of each entry. A Poisson map's computed defect is at
-most the sum of
+Φ is one step y0 → y1, with the step size h and the increments ΔW held fixed.
+`sepv.problem._poisson` computes Φ′ by central differences, with a bound E of the error of each
+entry. A Poisson map's computed defect is at most the sum of
 
-    E|B||Φ′|ᵀ + |Φ′||B|Eᵀ + E|B|Eᵀ,    |B(y1 + e) − B(y1)| for the error e of y1,    and roundings of the products.
+    E|B||Φ′|ᵀ + |Φ′||B|Eᵀ + E|B|Eᵀ,
+    |B(y1 + e) − B(y1)| for the error e of y1, and roundings of the products.
 
-Cauchy's estimate gives E from a disc |ζ| ≤ ρ of complex ζ in which |Φ(y0 + ζe_j) − (y0 + ζe_j)| ≤ M. If the
-problem is polynomial data and |Δ| is at most half the contraction radius, then ρ = M = r/2 with the radius r
-of the ball of `sepv.law.contraction.contraction_ball`: states within r/2 of y0 move by at most r/2
-and stay in the ball. For other problems the truncation error of Φ′ is estimated by the difference of the
-formulas of order six and four.
+Cauchy's estimate gives E from a disc |ζ| ≤ ρ of complex ζ in which |Φ(y0 + ζe_j) − (y0 + ζe_j)|
+≤ M. If the problem is polynomial data and |Δ| is at most half the contraction radius, then ρ = M
+= r/2 with the radius r of the ball of `sepv.law.contraction.contraction_ball`: states within r/2 of
+y0 move by at most r/2 and stay in the ball. For other problems the truncation error of Φ′ is
+estimated by the difference of the formulas of order six and four.
 """
 
 from __future__ import annotations
@@ -28,13 +30,15 @@ from sepv.problem import Array, Problem, derivative_of_structure, poisson
 from sepv.record import EPS, TINY, PolynomialMap
 from sepv.schemes import Scheme, ask
 
-# JACOBIAN_MAX_ERROR is the largest relative error of Φ′ with which a step is judged. Steps with a larger
-# error are skipped.
+# JACOBIAN_MAX_ERROR is the largest relative error of Φ′ with which a step is judged. Steps with a
+# larger error are skipped.
 JACOBIAN_MAX_ERROR = 1e-6
 
 
 class StepSlope(NamedTuple):
-    """The derivative Φ′ (d, d) of a step at y0, error bounds of its entries (d, d), an error bound of y1, and y1."""
+    """The derivative Φ′ (d, d) of a step at y0, error bounds of its entries (d, d),
+    an error bound of y1, and y1.
+    """
 
     slope: Array
     error: Array
@@ -53,13 +57,14 @@ def tangent(scheme: Scheme, case: Case) -> StepSlope:
     problem, y, h, dW = case.build()
     rho = _disc(problem, y, h, dW)
     sizes = [poisson.WIDTH * rho] * y.size if rho else poisson.BLIND_WIDTH * poisson.scales(problem, y)
-    # Widths of the differences are rounded down to powers of two, so that multiples of them and divisions are
-    # exact.
+    # Widths of the differences are rounded down to powers of two, so that multiples of them and
+    # divisions are exact.
     widths = np.array([float(2.0 ** np.floor(np.log2(size))) for size in sizes])
     answers = _steps(scheme, problem, poisson.shifted(y, widths), h, dW)
     y1 = answers[:, 0]
-    # A state is shifted by at most 3 widths. Inside the contraction radius y1 then moves by at most twice the
-    # shift. So the residual at a shifted state is at most twice the residual at y, plus a term for y near 0.
+    # A state is shifted by at most 3 widths. Inside the contraction radius y1 then moves by at most
+    # twice the shift. So the residual at a shifted state is at most twice the residual at y, plus a
+    # term for y near 0.
     residual = 2 * step_residual(problem, y, y1, h, dW, scheme)
     shifts = 2 * poisson.POINTS * float(widths.max())
     residual += accumulated(scheme) * scheme.eps * operations(problem, scheme.stages) * shifts
@@ -115,5 +120,7 @@ def _disc(problem: Problem, y: Array, h: float, dW: Array) -> float:
 
 
 def structure_error(problem: Problem, y: Array, error: float) -> Array:
-    """A first-order bound (d, d) of the entries of |B(y + e) − B(y)| for all e with |e|_∞ ≤ `error`."""
+    """A first-order bound (d, d) of the entries of |B(y + e)
+    − B(y)| for all e with |e|_∞ ≤ `error`.
+    """
     return np.asarray(np.sum(np.abs(derivative_of_structure(problem, y)), axis=2) * error)

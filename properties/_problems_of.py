@@ -1,4 +1,6 @@
-"""The problems, states and cases with which laws may call a scheme that is not for every system of its class."""
+"""The problems, states and cases with which laws may call a scheme that is not for every system of
+its class.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +20,12 @@ NO_START = "the problems have no initial state: name one that has, or give initi
 
 
 def may_ask(scheme: Any, problem: Problem, states: Array) -> bool:
-    """True if a law may call a scheme at `states` (d, ...) that the law made, for example near a drawn state.
+    """True if a law may call a scheme at `states` (d, ...) that the law made,
+    for example near a drawn state.
 
-    If the problem has a domain, the states must lie in it. Otherwise every state is allowed, unless a user named the
-    problems: a user's problem may be meant for positive states or for a ball, so only drawn states are surely valid.
+    If the problem has a domain, the states must lie in it. Otherwise every state is allowed, unless
+    a user named the problems: a user's problem may be meant for positive states or for a ball, so
+    only drawn states are surely valid.
     """
     if problem.domain is not None:
         return bool(np.all(problem.domain(states)))
@@ -29,10 +33,11 @@ def may_ask(scheme: Any, problem: Problem, states: Array) -> bool:
 
 
 def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
-    """The scheme's problems with an initial state, for laws about many steps; None if the scheme is for a wide class.
+    """The scheme's problems with an initial state, for laws about many steps;
+    None if the scheme is for a wide class.
 
-    A problem that is named and also belongs to a named family is listed once, because a name always gives the same
-    object. A scheme without noise gets the problems of (1.1) with c = ().
+    A problem that is named and also belongs to a named family is listed once, because a name always
+    gives the same object. A scheme without noise gets the problems of (1.1) with c = ().
 
     Raises Skipped if none of the problems has an initial state.
     """
@@ -46,9 +51,11 @@ def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
 
 
 def as_taken(scheme: Any, listed: Iterable[Problem]) -> tuple[Problem, ...]:
-    """The problems as the scheme accepts them: without noise, c = (), if the scheme is only for systems without noise.
+    """The problems as the scheme accepts them: without noise, c = (),
+    if the scheme is only for systems without noise.
 
-    Raises Skipped if a scheme without noise gets only problems whose noises have other vector fields than B∇H.
+    Raises Skipped if a scheme without noise gets only problems whose noises have other vector
+    fields than B∇H.
     """
     found = tuple(listed)
     if not scheme.deterministic:
@@ -59,7 +66,9 @@ def as_taken(scheme: Any, listed: Iterable[Problem]) -> tuple[Problem, ...]:
 
 
 def taken_by(scheme: Scheme, cases: Iterable[Case]) -> Iterator[Case]:
-    """The cases as a scheme accepts them. If it is only for c = (), `quiet` removes their noise or omits them."""
+    """The cases as a scheme accepts them. If it is only for c = (),
+    `quiet` removes their noise or omits them.
+    """
     for case in cases:
         taken = quiet(case) if scheme.deterministic else case
         if taken is not None:

@@ -1,8 +1,9 @@
-"""Linear maps ρ with ρ² = I that reverse the direction of every solution: of momenta, or of a rigid body's one axis.
+"""Linear maps ρ with ρ² = I that reverse the direction of every solution: of momenta,
+or of a rigid body's one axis.
 
-If H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ, the field f = B∇H has f(ρy) = −ρf(y). Its flow φ is then reversible,
-ρ∘φ_θ∘ρ = φ_{−θ} (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, V.1). The solution of (1.1) is this
-flow at the random time θ = t + Σ c_jW_j(t), so it is reversible too.
+If H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ, the field f = B∇H has f(ρy) = −ρf(y). Its flow φ is then
+reversible, ρ∘φ_θ∘ρ = φ_{−θ} (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, V.1).
+The solution of (1.1) is this flow at the random time θ = t + Σ c_jW_j(t), so it is reversible too.
 """
 
 from __future__ import annotations
@@ -14,15 +15,18 @@ import numpy as np
 from sepv.problem import Array, PolynomialSystem, Problem, hessian, sample_states
 from sepv.record import EPS, Polynomial
 
-# If H and B are functions, H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ must hold up to a relative error of ROUNDINGS·eps.
+# If H and B are functions, H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ must hold up to a relative error of
+# ROUNDINGS·eps.
 ROUNDINGS = 64
 
 
 def momentum_flip(problem: Problem) -> Array | None:
-    """Return the diagonal (d,), ±1, of the map ρ that reverses momenta, or None if ρ does not reverse the flow.
+    """Return the diagonal (d,), ±1, of the map ρ that reverses momenta,
+    or None if ρ does not reverse the flow.
 
-    Momenta are the second half of y if the upper right block of B has a positive trace, as in q̇ = ∂H/∂p, and the first
-    half if the trace is negative. Polynomials are compared exactly, functions at a few states.
+    Momenta are the second half of y if the upper right block of B has a positive trace, as in
+    q̇ = ∂H/∂p, and the first half if the trace is negative. Polynomials are compared exactly,
+    functions at a few states.
     """
     d = problem.dimension
     if d % 2:
@@ -45,10 +49,11 @@ def momentum_flip(problem: Problem) -> Array | None:
 
 
 def mirrors(problem: Problem) -> list[Array]:
-    """Return unit vectors v whose reflection ρ = 1 − 2vvᵀ reverses a flow y′ = s y × ∇H with a constant s.
+    """Return unit vectors v whose reflection ρ = 1 − 2vvᵀ reverses a flow y′ = s y × ∇H with a
+    constant s.
 
-    ρ(a × b) = −ρa × ρb, so that H(ρy) = H(y) is enough. The vectors are tried among the coordinate axes and the
-    eigenvectors of H″. The list is empty if B has another form.
+    ρ(a × b) = −ρa × ρb, so that H(ρy) = H(y) is enough. The vectors are tried among the coordinate
+    axes and the eigenvectors of H″. The list is empty if B has another form.
     """
     states = [np.asarray(y, dtype=np.float64) for y in sample_states(problem)]
     if problem.dimension != 3 or turning(problem, states) is None:
@@ -73,6 +78,8 @@ def _same_energy(problem: Problem, y: Array, other: Array) -> bool:
 
 
 def _parity(polynomial: Polynomial, rho: Array) -> float:
-    """Return the parity of a polynomial p under ρ: 1 for p(ρy) = p(y), −1 for p(ρy) = −p(y), and 0 for neither."""
+    """Return the parity of a polynomial p under ρ: 1 for p(ρy) = p(y), −1 for p(ρy) = −p(y),
+    and 0 for neither.
+    """
     signs = {float(np.prod(rho ** np.array(e))) for e, _ in polynomial.terms}
     return signs.pop() if len(signs) == 1 else float(not signs)

@@ -1,4 +1,6 @@
-"""The schemes to which laws about sampled paths apply, and the schemes for which these laws make fewer steps."""
+"""The schemes to which laws about sampled paths apply,
+and the schemes for which these laws make fewer steps.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,9 @@ from sepv.schemes import Scheme, has_memory, point_law
 
 
 def pathwise(run: Measure) -> Measure:
-    """Wrap a law's `run`, so that the law is not applicable to schemes whose increments take only a few values."""
+    """Wrap a law's `run`, so that the law is not applicable to schemes whose increments take only a
+    few values.
+    """
 
     def asked(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         points = point_law(scheme.increments)
@@ -25,7 +29,9 @@ FIRST_STEP = (
 
 
 def of_one_step(run: Measure) -> Measure:
-    """Wrap the `run` of a law about the local error, so that the law is not applicable to schemes with memory."""
+    """Wrap the `run` of a law about the local error, so that the law is not applicable to schemes
+    with memory.
+    """
 
     def asked(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         if has_memory(scheme):
@@ -36,5 +42,7 @@ def of_one_step(run: Measure) -> Measure:
 
 
 def sparing(scheme: Scheme, effort: Effort) -> bool:
-    """True if laws make fewer steps: if the scheme takes one state a call and `effort` has no more paths than usual."""
+    """True if laws make fewer steps: if the scheme takes one state a call and `effort` has no more
+    paths than usual.
+    """
     return not scheme.batched and effort.paths <= Effort.paths

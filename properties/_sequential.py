@@ -1,11 +1,12 @@
-"""Statistical verdicts: paths are added until the verdict is clear, or is inconclusive at the end of the budget.
+"""Statistical verdicts: paths are added until the verdict is clear,
+or is inconclusive at the end of the budget.
 
-FALSE_ALARM bounds the nominal probability that a whole run of all laws accuses a correct scheme by chance. A
-look is a number of paths after which a verdict is tried, at given step sizes. FALSE_ALARM is split evenly
-over the statistical laws, the problems and the possible looks, those at halved step sizes included
-(Bonferroni): the probability that any interval misses at a look is an equal part of it. Intervals are
-asymptotic, so the bound is an extrapolation. `benchmarks.coverage` counts how often intervals of lower
-confidence miss.
+FALSE_ALARM bounds the nominal probability that a whole run of all laws accuses a correct scheme by
+chance. A look is a number of paths after which a verdict is tried, at given step sizes. FALSE_ALARM
+is split evenly over the statistical laws, the problems and the possible looks, those at halved step
+sizes included (Bonferroni): the probability that any interval misses at a look is an equal part of
+it. Intervals are asymptotic, so the bound is an extrapolation. `benchmarks.coverage` counts how
+often intervals of lower confidence miss.
 """
 
 from __future__ import annotations
@@ -34,35 +35,38 @@ from sepv.schemes import OF_DAMPED, OF_SEVERAL, Scheme, guarded
 
 FALSE_ALARM = 1e-4
 FIRST_LOOK = 512
-# The factor between the numbers of paths of successive looks. If there are fewer looks, each has more of
-# FALSE_ALARM.
+# The factor between the numbers of paths of successive looks. If there are fewer looks, each has
+# more of FALSE_ALARM.
 GROWTH = 4
-# A scheme without batches gets the budget of paths divided by PATHS_DIVISOR_WITHOUT_BATCHES, but at least
-# FIRST_LOOK paths.
+# A scheme without batches gets the budget of paths divided by PATHS_DIVISOR_WITHOUT_BATCHES, but at
+# least FIRST_LOOK paths.
 PATHS_DIVISOR_WITHOUT_BATCHES = 8
-# The paths of an early look at a scheme without batches. This look may decide "holds", for most schemes after
-# 8,000 steps, but not "violated". All laws together need less than 30,000 steps of the scheme
-# (`python -m benchmarks.steps`).
+# The paths of an early look at a scheme without batches. This look may decide "holds", for most
+# schemes after 8,000 steps, but not "violated". All laws together need less than 30,000 steps of
+# the scheme (`python -m benchmarks.steps`).
 EARLY_PATHS = 95
-# The error probability of an interval that confirms an order of a scheme without batches. It may be large,
-# because laws about one step detect a lower order by quadrature, and sampling only shows that steps compose.
+# The error probability of an interval that confirms an order of a scheme without batches. It may be
+# large, because laws about one step detect a lower order by quadrature, and sampling only shows
+# that steps compose.
 ALPHA_TO_HOLD = 1e-3
-# If at most the share REFUSED of the paths cannot be solved, the step sizes are halved, at most HALVED times.
-# A scheme may refuse a step with a large increment, as a fixed-point iteration does if it is no contraction,
-# and still show its order at smaller steps. The results would be biased if such paths were left out.
+# If at most the share REFUSED of the paths cannot be solved, the step sizes are halved, at most
+# HALVED times. A scheme may refuse a step with a large increment, as a fixed-point iteration does
+# if it is no contraction, and still show its order at smaller steps. The results would be biased if
+# such paths were left out.
 REFUSED, HALVED = 1 / 4, 2
-# SLOPE_MARGIN is the margin between an order and its bound. If an undecided slope's interval is narrower,
-# steps are too long and more paths do not help. Then the step sizes are halved once. This raises the slope
-# only if the order is right.
+# SLOPE_MARGIN is the margin between an order and its bound. If an undecided slope's interval is
+# narrower, steps are too long and more paths do not help. Then the step sizes are halved once. This
+# raises the slope only if the order is right.
 SLOPE_MARGIN = 0.25
-# If a slope or a limit violates its law, it is measured again with REPEAT_REFINEMENT times the steps.
+# If a slope or a limit violates its law, it is measured again with REPEAT_REFINEMENT times the
+# steps.
 REPEAT_REFINEMENT = 8
-# A violation counts only if the reference's error is at most REFERENCE_ERROR_SHARE times the scheme's error
-# at the finest step. This changes a slope over step sizes that differ by a factor of 4 by at most log(1 +
-# REFERENCE_ERROR_SHARE)/log 4 = 0.16.
+# A violation counts only if the reference's error is at most REFERENCE_ERROR_SHARE times the
+# scheme's error at the finest step. This changes a slope over step sizes that differ by a factor of
+# 4 by at most log(1 + REFERENCE_ERROR_SHARE)/log 4 = 0.16.
 REFERENCE_ERROR_SHARE = 1 / 4
-# Errors below TOLERANCE_LIKE_ERROR times the state's size that fall by less than a factor of 1.5 may come
-# from a solver's tolerance.
+# Errors below TOLERANCE_LIKE_ERROR times the state's size that fall by less than a factor of 1.5
+# may come from a solver's tolerance.
 TOLERANCE_LIKE_ERROR = 1e-5
 # Multiples of the number of paths, tried in order to report how many paths would decide.
 _MORE = tuple(4**k for k in range(1, 9))
@@ -70,7 +74,8 @@ _MORE = tuple(4**k for k in range(1, 9))
 
 @dataclass(frozen=True)
 class Assessment:
-    """An assessment of the errors of one problem: a verdict, and a number with its interval in the unit of the law.
+    """An assessment of the errors of one problem: a verdict,
+    and a number with its interval in the unit of the law.
 
     `order` is the order that the errors show, for a law about an order; None if they show none.
     """
@@ -84,27 +89,33 @@ class Assessment:
     order: float | None = None
 
 
-# A test (problem, errors, alpha, more) at level alpha, with intervals as if there were `more` times the
-# paths.
+# A test (problem, errors, alpha, more) at level alpha, with intervals as if there were `more` times
+# the paths.
 Assess = Callable[[Problem, StrongErrors, float, float], Assessment]
 
 
 def is_tilted(scheme: Scheme) -> bool:
-    """True if `sepv.properties._orders.tilting` draws the paths of a scheme, so that its errors carry weights."""
-    # With several fields or damping the exact solution depends on the whole path. `tilted_errors` uses only
-    # W(T).
+    """True if `sepv.properties._orders.tilting` draws the paths of a scheme,
+    so that its errors carry weights.
+    """
+    # With several fields or damping the exact solution depends on the whole path. `tilted_errors`
+    # uses only W(T).
     own = any(is_several(problem) for item in sources(scheme) for problem in item.problems)
     order = None if own or scheme.systems in OF_SEVERAL | OF_DAMPED else scheme.mean_square_order
     return order is not None and order >= TILTED
 
 
 def hold_level(scheme: Scheme, run: Run) -> float:
-    """Return the error probability of intervals that confirm an order: ALPHA_TO_HOLD if steps are spared, else 0."""
+    """Return the error probability of intervals that confirm an order:
+    ALPHA_TO_HOLD if steps are spared, else 0.
+    """
     return ALPHA_TO_HOLD if sparing(scheme, run.effort) else 0.0
 
 
 def budget(scheme: Scheme, effort: Effort) -> int:
-    """Return the largest number of paths of a law, which is smaller for a scheme that takes one state at a time."""
+    """Return the largest number of paths of a law, which is smaller for a scheme that takes one
+    state at a time.
+    """
     return (
         effort.paths
         if scheme.batched
@@ -113,7 +124,9 @@ def budget(scheme: Scheme, effort: Effort) -> int:
 
 
 def looks(paths: int, *, early: bool = False) -> list[int]:
-    """Return the numbers of paths after which to judge: 512, 2048, … to the budget, EARLY_PATHS first if requested."""
+    """Return the numbers of paths after which to judge: 512, 2048, … to the budget,
+    EARLY_PATHS first if requested.
+    """
     counts = [min(FIRST_LOOK, paths)]
     while counts[-1] < paths:
         counts.append(min(counts[-1] * GROWTH, paths))
@@ -127,12 +140,16 @@ def part_of_law() -> float:
 
 
 def share(scheme: Scheme, effort: Effort, problems: int) -> float:
-    """Return the part of FALSE_ALARM for one problem at one look; each halving of steps repeats the looks."""
+    """Return the part of FALSE_ALARM for one problem at one look;
+    each halving of steps repeats the looks.
+    """
     return part_of_law() / (problems * len(looks(budget(scheme, effort))) * (1 + HALVED))
 
 
 def sampled(scheme: Scheme, setup: Setup, paths: int, run: Run) -> StrongErrors:
-    """Return the errors of the first `paths` paths of a setup, computed once for all laws of a run."""
+    """Return the errors of the first `paths` paths of a setup, computed once for all laws of a
+    run.
+    """
     order = scheme.mean_square_order
     have = run.paths.get(setup)
     done = have.squared.shape[1] if have else 0
@@ -160,8 +177,8 @@ def judge(
 
     If `at_least`, bounds are lower bounds.
 
-    `setups` are by default those of the scheme. A violation is measured again at finer steps, and judged by
-    `confirm` (by default `assess`).
+    `setups` are by default those of the scheme. A violation is measured again at finer steps, and
+    judged by `confirm` (by default `assess`).
     """
     assert law.statistical, f"{law.name} judges paths, but has no part of FALSE_ALARM"
     confirm = confirm or assess
@@ -206,7 +223,9 @@ def judge(
 
 
 def _taken(scheme: Scheme, setup: Setup) -> Setup:
-    """Return the setup with more steps if the scheme states a longest step that the coarsest step may exceed."""
+    """Return the setup with more steps if the scheme states a longest step that the coarsest step
+    may exceed.
+    """
     if scheme.longest_step is None:
         return setup
     factor = divisor(scheme, setup.build(), setup.T / setup.steps[0])
@@ -217,7 +236,9 @@ def _explained(
     scheme: Scheme, run: Run, assess: Assess, alpha: float, verdict: Verdict,
     judged: Sequence[tuple[Setup, StrongErrors, Assessment]],
 ) -> list[str]:  # fmt: skip
-    """Explain a law that does not hold: how many paths would decide, the worst path, the level of the intervals."""
+    """Explain a law that does not hold: how many paths would decide, the worst path,
+    the level of the intervals.
+    """
     decisive = [(setup, errors) for setup, errors, a in judged if a.verdict is verdict]
     lines = []
     if verdict is Verdict.INCONCLUSIVE:
@@ -242,7 +263,8 @@ def _explained(
 
 
 def worst_path(problem: Problem, errors: StrongErrors, seed: int, *, drawn: bool) -> str:
-    """Describe the path with the largest error at the finest step: y0, W(T), y(T), the scheme's end, the increments.
+    """Describe the path with the largest error at the finest step: y0, W(T), y(T),
+    the scheme's end, the increments.
 
     `drawn` is True if paths are those of `sepv.simulate.increments`, not of
     `sepv.properties._orders.tilting`.
@@ -273,11 +295,12 @@ def _judge_one(
     slope: bool,
     confirm: Assess | None = None,
 ) -> tuple[Setup, StrongErrors, Assessment | None, str]:
-    """Judge one problem at its step sizes, or at halved ones if paths failed or a `slope` is too near its bound.
+    """Judge one problem at its step sizes, or at halved ones if paths failed or a `slope` is too
+    near its bound.
 
-    With a test `confirm` a violation is measured again at finer steps. The returned string says why step
-    sizes were halved. If paths fail at the smallest sizes too, the assessment is None. `share` counts the
-    looks at halved steps.
+    With a test `confirm` a violation is measured again at finer steps. The returned string says why
+    step sizes were halved. If paths fail at the smallest sizes too, the assessment is None. `share`
+    counts the looks at halved steps.
     """
     why, halved = "", 0
     while True:
@@ -315,9 +338,9 @@ def _confirmed(
 
     The law holds if it holds there, else it may be undecided.
 
-    A scheme that divides long steps, or computes them by another formula, shows its order and its limit only
-    at smaller step sizes. A slope is measured again from two step sizes. Its violation stands if the new
-    estimate is too low.
+    A scheme that divides long steps, or computes them by another formula, shows its order and its
+    limit only at smaller step sizes. A slope is measured again from two step sizes. Its violation
+    stands if the new estimate is too low.
     """
     sizes = setup.steps[-2:] if slope else setup.steps
     finer, fine = replace(setup, steps=tuple(REPEAT_REFINEMENT * n for n in sizes)), None
@@ -355,8 +378,8 @@ def _look(
         if any(errors.failures):
             return errors, None
         assessment = assess(problem, errors, alpha, 1.0)
-        # An early look decides no violation, because with few paths the intervals of heavy tails are too
-        # short.
+        # An early look decides no violation, because with few paths the intervals of heavy tails
+        # are too short.
         early = paths < min(FIRST_LOOK, most)
         settled = assessment.verdict is Verdict.VIOLATED or (leave and _near(assessment))
         if assessment.verdict is Verdict.HOLDS or (settled and not early):

@@ -15,9 +15,11 @@ from sepv.law.units import units_of
 from sepv.problem import NamedProblem, Problem, Systems
 from sepv.schemes import Scheme, order_of
 
-# The claimed order from which on the mean square error depends on increments too rare for plain sampling.
+# The claimed order from which on the mean square error depends on increments too rare for plain
+# sampling.
 TILTED = 1.5
-# Pairs (p, numbers of steps) for claimed orders of p or more. At such orders finer steps have errors of rounding size.
+# Pairs (p, numbers of steps) for claimed orders of p or more. At such orders finer steps have
+# errors of rounding size.
 FEW_STEPS_AT_ORDER = ((6, (8, 12, 16)), (5, (8, 16, 32)))
 
 
@@ -39,11 +41,13 @@ class Setup:
 def setups(
     systems: Systems = Systems.SINGLE, truncation: int | None = 2, order: float | None = None
 ) -> tuple[Setup, ...]:
-    """Return the problems, end times and numbers of steps on which schemes for a class of systems are judged.
+    """Return the problems, end times and numbers of steps on which schemes for a class of systems
+    are judged.
 
-    For (1.1) one problem has a non-constant B and one noise, the other problem a non-quadratic H and two noises.
-    All their large steps have solutions. If increments are not truncated or `sepv.properties._orders.tilting` draws
-    them, the coarsest step is halved, because a random step may then be more than 1, far from any asymptotics.
+    For (1.1) one problem has a non-constant B and one noise, the other problem a non-quadratic H
+    and two noises. All their large steps have solutions. If increments are not truncated or
+    `sepv.properties._orders.tilting` draws them, the coarsest step is halved, because a random step
+    may then be more than 1, far from any asymptotics.
     """
     names = {
         Systems.NAMBU: ("rigid-body", "lotka-volterra"),
@@ -70,8 +74,9 @@ def _setup(name: str, truncation: int | None, order: float | None) -> Setup:
 def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...]:
     """Return the setups for a scheme: for its class and claims, or for the user's problems.
 
-    For class (1.1) a third problem has B(y), a quartic H and two noises. A run that must spare steps uses only this.
-    For several Hamiltonians a third problem has two noises that commute, if the order claimed for such noises differs.
+    For class (1.1) a third problem has B(y), a quartic H and two noises. A run that must spare
+    steps uses only this. For several Hamiltonians a third problem has two noises that commute, if
+    the order claimed for such noises differs.
     """
     facts = (scheme.truncation, scheme.mean_square_order)
     users = problems_of(scheme)
@@ -88,12 +93,16 @@ def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...
 
 
 def _differs(order: float | None) -> bool:
-    """True if the claim `order` states different orders for two commuting noises and for noises in general."""
+    """True if the claim `order` states different orders for two commuting noises and for noises in
+    general.
+    """
     return order is not None and order_of(order, "commutative") != order_of(order, "general")
 
 
 def _given(problem: Problem, truncation: int | None, order: float | None) -> Setup:
-    """Return a user's problem's setup: that of an equal built-in problem, if any, or one with T in its unit of time."""
+    """Return a user's problem's setup: that of an equal built-in problem, if any,
+    or one with T in its unit of time.
+    """
     if problem.data in [known.data for known in map(problems.by_name, problems.PAPER)]:
         assert isinstance(problem.data, NamedProblem)
         return replace(_setup(problem.data.name, truncation, order), given=problem)
@@ -104,7 +113,9 @@ def _given(problem: Problem, truncation: int | None, order: float | None) -> Set
 
 
 def _built_in(problem: Problem) -> bool:
-    """True if a problem has the dimension, noise and initial state of the built-in problem of the same name."""
+    """True if a problem has the dimension, noise and initial state of the built-in problem of the
+    same name.
+    """
     known = problems.by_name(problem.name)
     return problem.dimension == known.dimension and all(
         np.array_equal(getattr(problem, key), getattr(known, key)) for key in ("c", "initial")

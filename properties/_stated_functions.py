@@ -1,14 +1,19 @@
-"""Functions I with LI = σ − λI for the law *invariant*: those that a problem states, and those of its class of systems.
+"""Functions I with LI = σ − λI for the law *invariant*: those that a problem states,
+and those of its class of systems.
 
-L is the generator of a system (`sepv.problem.relation`). A problem states functions by name; their σ and λ are found by
-recording. The classes of systems state H and Casimirs, with the σ and λ that theory gives:
+L is the generator of a system (`sepv.problem.relation`). A problem states functions by name; their
+σ and λ are found by recording. The classes of systems state H and Casimirs, with the σ and λ that
+theory gives:
 
-- **Casimirs** of one or more Hamiltonians are kept, whatever their degree. The law *casimir* is about yᵀAy and bᵀy.
-- **Friction** −γy: a homogeneous function of degree p that B∇H keeps decays as e^(−pγt), by yᵀ∇I = pI.
+- **Casimirs** of one or more Hamiltonians are kept, whatever their degree. The law *casimir* is
+  about yᵀAy and bᵀy.
+- **Friction** −γy: a homogeneous function of degree p that B∇H keeps decays as e^(−pγt), by
+  yᵀ∇I = pI.
 - **Additive noise** Σ c_j g_j dW_j: for Casimirs ∇CᵀB = 0 leaves LC = ½ Σ_j c_j² g_jᵀC″g_j.
 - **Several Hamiltonians**: LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j}, which need not be a constant.
 
-(D. Cohen and G. Vilmart, Int. J. Comput. Math. 99, 2022, for additive noise; arXiv 2503.01540 for friction.)
+(D. Cohen and G. Vilmart, Int. J. Comput. Math. 99, 2022, for additive noise; arXiv 2503.01540 for
+friction.)
 """
 
 from __future__ import annotations
@@ -40,7 +45,9 @@ from sepv.record import Polynomial, PolynomialMap, poly
 
 
 class Stated(NamedTuple):
-    """A function I with LI = σ − λI: its name, I, ∇I (d, ...), I″ (None for a polynomial), and the relation."""
+    """A function I with LI = σ − λI: its name, I, ∇I (d, ...), I″ (None for a polynomial),
+    and the relation.
+    """
 
     name: str
     value: Function
@@ -65,7 +72,9 @@ def _slopes(I: Function, dimension: int) -> tuple[Function, Function]:
 
 
 def polynomial_data(case: Case) -> PolynomialSystem | None:
-    """The problem of a case as polynomial data, also if it is given as functions; None if there is no such data."""
+    """The problem of a case as polynomial data, also if it is given as functions;
+    None if there is no such data.
+    """
     data = case.problem.problem.data if isinstance(case.problem, GivenProblem) else case.problem
     return data if isinstance(data, PolynomialSystem) else None
 
@@ -88,7 +97,9 @@ def energies(case: Case) -> list[Stated]:
 
 
 def has_friction_and_noise(case: Case) -> bool:
-    """True if additive noise acts beside friction: then LH and LC are no σ − λH and σ − λC with theory's constants."""
+    """True if additive noise acts beside friction: then LH and LC are no σ − λH and σ − λC with
+    theory's constants.
+    """
     problem = problems.build(case.problem)
     return isinstance(problem, HamiltoniansProblem) and bool(problem.damping)
 
@@ -96,7 +107,8 @@ def has_friction_and_noise(case: Case) -> bool:
 def drift_of_energy(data: PolynomialSystem) -> float | None:
     """The constant rate at which the mean of H_0 changes; None if the rate depends on y.
 
-    The rate is LH_0 with the generator L: ½ Σ_j c_j² {{H_0, H_j}, H_j}, or ½ Σ_j c_j² g_jᵀH_0″g_j for vectors g_j.
+    The rate is LH_0 with the generator L: ½ Σ_j c_j² {{H_0, H_j}, H_j}, or ½ Σ_j c_j² g_jᵀH_0″g_j
+    for vectors g_j.
     """
     noises: list[Callable[[Polynomial], Polynomial]]
     noises = [lambda p, H=H: bracket(data, p, H)[0] for H in data.noise_hamiltonians]  # type: ignore[misc]
@@ -113,7 +125,9 @@ def _along(p: Polynomial, g: Sequence[float]) -> Polynomial:
 
 
 def casimirs(case: Case) -> list[Stated]:
-    """The Casimirs, if the law *casimir* does not speak of them: with friction, additive noise, or of any degree."""
+    """The Casimirs, if the law *casimir* does not speak of them: with friction, additive noise,
+    or of any degree.
+    """
     problem = problems.build(case.problem)
     if has_friction_and_noise(case):
         return []
@@ -128,7 +142,9 @@ def casimirs(case: Case) -> list[Stated]:
 
 
 def _of_form(problem: Problem, A: Array) -> Relation:
-    """LC = σ − λC for a Casimir C = yᵀAy or bᵀy: σ = Σ_j c_j² g_jᵀAg_j by additive noise, λ = γ·(degree of C)."""
+    """LC = σ − λC for a Casimir C = yᵀAy or bᵀy: σ = Σ_j c_j² g_jᵀAg_j by additive noise,
+    λ = γ·(degree of C).
+    """
     g = noise_vectors(problem)
     if not len(g):
         return Relation(0.0, A.ndim * damping_of(problem), (), drifts=True)
@@ -148,7 +164,9 @@ def _polynomial(name: str, p: Polynomial, known: Relation) -> Stated:
 
 
 def with_fewer_noises(case: Case, count: int) -> Case | None:
-    """The case with the first `count` noises of its polynomial data; None if the class of systems then changes."""
+    """The case with the first `count` noises of its polynomial data;
+    None if the class of systems then changes.
+    """
     data = polynomial_data(case)
     if data is None:
         return None

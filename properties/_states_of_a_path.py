@@ -1,8 +1,10 @@
-"""The contract of schemes that carry a state from step to step: no call may change a state that exists already.
+"""The contract of schemes that carry a state from step to step:
+no call may change a state that exists already.
 
-Such a scheme is a `sepv.schemes._stateful.StatefulStep` with the functions init, step and value. The state of a path
-at y may differ from init(y), as in the reversible Heun method, so a path is never compared with a path begun at y.
-Instead the path is computed twice, once with steps of another path in between, and the bits of both are compared.
+Such a scheme is a `sepv.schemes._stateful.StatefulStep` with the functions init, step and value.
+The state of a path at y may differ from init(y), as in the reversible Heun method, so a path is
+never compared with a path begun at y. Instead the path is computed twice, once with steps of
+another path in between, and the bits of both are compared.
 """
 
 from __future__ import annotations
@@ -19,15 +21,18 @@ from sepv.schemes import answer_of as answer
 
 
 def keeps_states(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, apart: float) -> None:
-    """Make two steps from y (d,) or (d, M), alone and between steps of a second path, and compare the bits.
+    """Make two steps from y (d,) or (d, M), alone and between steps of a second path,
+    and compare the bits.
 
-    value(init(y)) may differ from y by `apart` times |y|_∞, because a state may use other coordinates. A part of a
-    batch may differ by as much if it is stepped alone. If the scheme has no `StatefulStep`, nothing is compared.
+    value(init(y)) may differ from y by `apart` times |y|_∞, because a state may use other
+    coordinates. A part of a batch may differ by as much if it is stepped alone. If the scheme has
+    no `StatefulStep`, nothing is compared.
 
     Raises
     ------
     SchemeFault
-        If a step changes the state that it gets or another path's state, or if value(init(y)) differs from y.
+        If a step changes the state that it gets or another path's state, or if value(init(y))
+        differs from y.
     """
     rule = scheme.step
     if not isinstance(rule, StatefulStep):
@@ -73,7 +78,9 @@ _APART = "give every array of the state the paths on its last axis, or leave out
 
 
 class _Path:
-    """Calls of a scheme's init, step and value, with checks. Messages about errors name their argument y."""
+    """Calls of a scheme's init, step and value, with checks.
+    Messages about errors name their argument y.
+    """
 
     def __init__(self, scheme: Scheme, rule: StatefulStep, problem: Problem, h: float, dW: Array) -> None:
         self.scheme, self.rule, self.problem, self.h, self.dW = scheme, rule, problem, h, dW
@@ -101,7 +108,9 @@ class _Path:
         return after
 
     def read(self, state: Any, y: Array) -> Array:
-        """Return a copy of value(state), the y (d,) or (d, M) that belongs to the scheme's own `state`."""
+        """Return a copy of value(state), the y (d,) or (d, M)
+        that belongs to the scheme's own `state`.
+        """
         with translated(self.problem, y, self.h, self.dW):
             value = self.rule.value(state)
         return check_answer(value, y, self.scheme.dtype).copy()

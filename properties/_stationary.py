@@ -1,25 +1,28 @@
-"""The stationary covariance of a step and of the exact flow, for friction with a quadratic V: no paths are sampled.
+"""The stationary covariance of a step and of the exact flow, for friction with a quadratic V:
+no paths are sampled.
 
-Let the drift be −A(y − μ), with noise G dW. If all eigenvalues of A have positive real parts, the exact solution has
-the stationary distribution N(μ, Σ) with
+Let the drift be −A(y − μ), with noise G dW. If all eigenvalues of A have positive real parts, the
+exact solution has the stationary distribution N(μ, Σ) with
 
-    AΣ + ΣAᵀ = GGᵀ                                                                                             (S)
+    AΣ + ΣAᵀ = GGᵀ                                                                               (S)
 
-(C. W. Gardiner, Handbook of Stochastic Methods, 2004, §4.5.6). Here A = Γ − BH″. A step of most schemes is then an
-affine map too, y1 = b + Φy + Nξ with independent normal ξ, from which all increments and further rows of the step are
-made. This is tested. If the spectral radius of Φ is below 1, the step has the stationary distribution N(ν, S) with
+(C. W. Gardiner, Handbook of Stochastic Methods, 2004, §4.5.6). Here A = Γ − BH″. A step of most
+schemes is then an affine map too, y1 = b + Φy + Nξ with independent normal ξ, from which all
+increments and further rows of the step are made. This is tested. If the spectral radius of Φ is
+below 1, the step has the stationary distribution N(ν, S) with
 
-    ν = b + Φν,    S = ΦSΦᵀ + NNᵀ.                                                                             (D)
+    ν = b + Φν,    S = ΦSΦᵀ + NNᵀ.                                                               (D)
 
 Increments are not clipped here. A scheme that clips them itself is not affine.
 
-**Roundings.** Both equations are solved in standard deviations of the exact distribution, as LX = R
-with the matrix L of a linear map of covariances. A computed X has the error
-|L⁻¹|(|LX − R| + γ(|L||X| + |R|) + δ), where γ is the rounding of d² + d sums and δ that of L and R.
-For (S) δ comes from K operations behind each entry of A and G. For (D) a step errs by e in each
-component, which is its residual (`sepv.law.tolerance`) times the largest ‖(I + chA)⁻¹‖ for
-c = 0, ½, 1: right for explicit steps, the midpoint rule and an implicit Euler step, an estimate for
-others. So Φ and N, differences of steps, err by 2e, and δ = 4e(‖Φ‖ Σ|S| + ‖N‖) in the norm of row sums.
+**Roundings.** Both equations are solved in standard deviations of the exact distribution, as
+LX = R with the matrix L of a linear map of covariances. A computed X has the error |L⁻¹|(|LX
+− R| + γ(|L||X| + |R|) + δ), where γ is the rounding of d² + d sums and δ that of L and R.
+For (S) δ comes from K operations behind each entry of A and G. For (D) a step errs by e in
+each component, which is its residual (`sepv.law.tolerance`) times the largest ‖(I + chA)⁻¹‖
+for c = 0, ½, 1: right for explicit steps, the midpoint rule and an implicit Euler step, an
+estimate for others. So Φ and N, differences of steps, err by 2e, and δ = 4e(‖Φ‖ Σ|S| + ‖N‖)
+in the norm of row sums.
 """
 
 from __future__ import annotations
@@ -54,18 +57,22 @@ from sepv.schemes import Scheme, ask, has_memory, takes
 
 # The largest dimension: (S) and (D) are solved as systems of d² equations.
 MAX_DIMENSION = 12
-# A drift is affine if H″ changes by at most this share between states, and a step if its value differs by at most this
-# share from the affine map. Both are far above rounding, and far below the curvature of a potential.
+# A drift is affine if H″ changes by at most this share between states, and a step if its value
+# differs by at most this share from the affine map. Both are far above rounding, and far below the
+# curvature of a potential.
 AFFINE_TOLERANCE = 2.0**-30
-# A mode that decays by a smaller share of its own frequency is counted as undamped: roundings of A move it as much.
+# A mode that decays by a smaller share of its own frequency is counted as undamped: roundings of A
+# move it as much.
 LEAST_DECAY = 2.0**-40
 # A covariance with a larger bound of its roundings, in standard deviations, is not judged.
 COVARIANCE_MAX_ERROR = 2.0**-20
 # A step whose spectral radius is nearer to 1 has a singular equation (D).
 RADIUS_GAP = 2.0**-36
-# The slowest decay a and the fastest rate |λ| of A make the step a/(DECAY_SHARE |λ|²), at which a step must decay.
+# The slowest decay a and the fastest rate |λ| of A make the step a/(DECAY_SHARE |λ|²), at which a
+# step must decay.
 DECAY_SHARE = 64.0
-# The states and normal numbers, in standard deviations, at which a step is compared with its affine map.
+# The states and normal numbers, in standard deviations, at which a step is compared with its affine
+# map.
 TESTED = (1.0, -0.5, 3.0)
 # Random systems of two or three bodies beside those with names.
 MEMBERS = 2
@@ -75,8 +82,8 @@ MEMBERS = 2
 class Stationary:
     """A stationary distribution: mean (d,) and covariance (d, d).
 
-    `rounding` bounds the roundings of both, in standard deviations of the exact distribution. `time` is 1/|λ| for the
-    fastest eigenvalue λ of A, or the step. `drift` is A.
+    `rounding` bounds the roundings of both, in standard deviations of the exact distribution.
+    `time` is 1/|λ| for the fastest eigenvalue λ of A, or the step. `drift` is A.
     """
 
     mean: Array
@@ -87,7 +94,9 @@ class Stationary:
 
 
 def exact(problem: Problem) -> Stationary | str:
-    """The stationary distribution of the exact solution by (S), or the reason why there is none of this form."""
+    """The stationary distribution of the exact solution by (S),
+    or the reason why there is none of this form.
+    """
     d = problem.dimension
     if d > MAX_DIMENSION:
         return f"{problem.name} has more than {MAX_DIMENSION} components"
@@ -140,7 +149,8 @@ class AffineStep:
 
 
 def affine(scheme: Scheme, problem: Problem, h: float, around: Stationary) -> AffineStep | str:
-    """The affine map of a step, or the reason why there is none: the scheme refuses it, or it is not affine.
+    """The affine map of a step, or the reason why there is none: the scheme refuses it,
+    or it is not affine.
 
     The map is found from steps of the size of the exact distribution `around`.
     """
@@ -152,7 +162,9 @@ def affine(scheme: Scheme, problem: Problem, h: float, around: Stationary) -> Af
     error = 0.0
 
     def step(y: Array, xi: Array) -> Array:
-        """A step in standard deviations from the exact mean; `error` bounds the residuals of all."""
+        """A step in standard deviations from the exact mean; `error` bounds the residuals of
+        all.
+        """
         nonlocal error
         start, row = around.mean + sizes * y, rows @ xi
         end = ask(scheme, problem, start, h, row)
@@ -178,7 +190,9 @@ def affine(scheme: Scheme, problem: Problem, h: float, around: Stationary) -> Af
 
 
 def of_step(scheme: Scheme, problem: Problem, h: float, around: Stationary) -> Stationary | str:
-    """The stationary distribution of the scheme's step by (D), or the reason why there is none that can be judged."""
+    """The stationary distribution of the scheme's step by (D),
+    or the reason why there is none that can be judged.
+    """
     step = affine(scheme, problem, h, around)
     if isinstance(step, str):
         return step
@@ -201,9 +215,10 @@ def of_step(scheme: Scheme, problem: Problem, h: float, around: Stationary) -> S
 def does_not_decay(scheme: Scheme, problem: Problem, around: Stationary, sizes: Array) -> str:
     """Say where a short step does not forget its start, as the exact solution does; "" if all do.
 
-    The step is Φ = 1 − hA + O(h²). So 1 − ρ(Φ) is near ah at h = a/(64|λ|²), with the slowest decay a and the fastest
-    rate |λ| of A: the O(h²) changes it by a share of about (h|λ|²/a)^½ = ⅛ if the eigenvalue is double, and less
-    otherwise. Right schemes have .91 to 1.00 of ah. Half is asked, less the bound of Bauer and Fike for the error of Φ.
+    The step is Φ = 1 − hA + O(h²). So 1 − ρ(Φ) is near ah at h = a/(64|λ|²), with the slowest decay
+    a and the fastest rate |λ| of A: the O(h²) changes it by a share of about (h|λ|²/a)^½ = ⅛ if the
+    eigenvalue is double, and less otherwise. Right schemes have .91 to 1.00 of ah. Half is asked,
+    less the bound of Bauer and Fike for the error of Φ.
     """
     rates = np.linalg.eigvals(around.drift)
     slowest = float(np.min(rates.real))
@@ -234,7 +249,9 @@ def _solved(operator: Array, right: Array, delta: Array) -> tuple[Array, float]:
 
 
 def rows_of(scheme: Scheme, problem: Problem, h: float) -> Array:
-    """The matrix (m + k, n) that makes the rows of a step's increments of n independent normal numbers."""
+    """The matrix (m + k, n) that makes the rows of a step's increments of n independent normal
+    numbers.
+    """
     m = problem.noises
     own, none = math.sqrt(h) * np.eye(m), np.zeros((m, m))
     if not scheme.asks:
@@ -279,7 +296,9 @@ def members(seed: int) -> tuple[Problem, ...]:
 
 
 def _bodies(n: int, random: Random) -> Problem:
-    """Bodies with H = ½ pᵀM⁻¹p + ½ qᵀKq + kᵀq, where M⁻¹ and K are sums of squares, with friction at random kT."""
+    """Bodies with H = ½ pᵀM⁻¹p + ½ qᵀKq + kᵀq, where M⁻¹ and K are sums of squares,
+    with friction at random kT.
+    """
 
     def form(places: range) -> poly.Polynomial:
         rows = np.zeros((n, 2 * n))

@@ -1,7 +1,9 @@
-"""Tests of conditions on B (constant, Jacobi's identity) at a state y and at states in general position near y.
+"""Tests of conditions on B (constant, Jacobi's identity)
+at a state y and at states in general position near y.
 
-The derivative of an entry of B may vanish at special states: that of 1 + y_1⁴y_2² does if y_1 = 0. States of test cases
-often have zero components. If B were tested at y alone, a law could judge a system to which it does not apply.
+The derivative of an entry of B may vanish at special states: that of 1 + y_1⁴y_2² does if y_1 = 0.
+States of test cases often have zero components. If B were tested at y alone, a law could judge a
+system to which it does not apply.
 """
 
 from __future__ import annotations
@@ -13,16 +15,20 @@ import numpy as np
 
 from sepv.problem import Array, Problem, derivative_of_structure, jacobi_defect
 
-# Distances of states near y from y, as shares of |y|. The first distance that stays in the problem's domain is used.
+# Distances of states near y from y, as shares of |y|. The first distance that stays in the
+# problem's domain is used.
 SHARES = (2.0**-2, 2.0**-4, 2.0**-8, 2.0**-16)
 GOLDEN = (5**0.5 - 1) / 2
-# Jacobi's identity counts as satisfied up to this share of its largest term. The share is a thousand times the error of
-# numerical derivatives, and far below the defect of a B that violates the identity.
+# Jacobi's identity counts as satisfied up to this share of its largest term. The share is a
+# thousand times the error of numerical derivatives, and far below the defect of a B that violates
+# the identity.
 JACOBI = 1e-8
 
 
 def places(problem: Problem, y: Array) -> Iterator[Array]:
-    """Yield y (d,) and up to two states near y in general position, without special components or differences."""
+    """Yield y (d,) and up to two states near y in general position,
+    without special components or differences.
+    """
     yield y
     direction = 0.5 + np.arange(1, y.size + 1) * GOLDEN % 1.0
     largest = float(np.max(np.abs(y))) or 1.0

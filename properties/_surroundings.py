@@ -1,7 +1,7 @@
 """The global state of the process, which a step must leave as it was.
 
-Random numbers, options and thresholds are set to unusual values before a step is watched. Otherwise a step that always
-sets the same value, such as a seed, would show in the very first call only.
+Random numbers, options and thresholds are set to unusual values before a step is watched. Otherwise
+a step that always sets the same value, such as a seed, would show in the very first call only.
 """
 
 from __future__ import annotations
@@ -27,18 +27,20 @@ from sepv.schemes import Scheme
 
 @contextmanager
 def watched(scheme: Scheme) -> Iterator[Scheme]:
-    """Context manager that gives a copy of the scheme, and on exit raises SchemeFault if a call changed global state.
+    """Context manager that gives a copy of the scheme,
+    and on exit raises SchemeFault if a call changed global state.
 
-    While the scheme runs, floating-point errors are warnings, and warnings are ignored. NumPy's error handling is
-    checked for changes at the end of each call, because `sepv.schemes._guard` undoes them, and so is the arithmetic.
-    Changes by an import are allowed.
+    While the scheme runs, floating-point errors are warnings, and warnings are ignored. NumPy's
+    error handling is checked for changes at the end of each call, because `sepv.schemes._guard`
+    undoes them, and so is the arithmetic. Changes by an import are allowed.
     """
     inside: dict[str, Any] = {}
 
     def step(problem: Problem, y: Array, h: float, dW: Array, *further: Array) -> Array:
         with np.errstate(all="warn"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            # This unusual filter makes changes visible: else a step that ignores all warnings would change nothing.
+            # This unusual filter makes changes visible: else a step that ignores all warnings would
+            # change nothing.
             warnings.simplefilter("ignore", ImportWarning)
             filters = list(warnings.filters)
             try:
@@ -74,7 +76,9 @@ OF_IMPORTS = ("the filters of warnings", "the environment", "the path of modules
 
 
 def _state() -> dict[str, Any]:
-    """Return a dict of the global state that a step must not change, with the words for messages as keys."""
+    """Return a dict of the global state that a step must not change,
+    with the words for messages as keys.
+    """
     kind, keys, *rest = np.random.get_state(legacy=True)  # noqa: NPY002  (the global generator is the point)
     return {
         "NumPy's global random numbers": (kind, keys.tobytes(), *rest),  # type: ignore[union-attr]  # legacy tuple
@@ -91,7 +95,9 @@ def _state() -> dict[str, Any]:
 
 @contextmanager
 def _unusual() -> Iterator[None]:
-    """Set random numbers, options and thresholds to values that no scheme sets, and restore them at the end."""
+    """Set random numbers, options and thresholds to values that no scheme sets,
+    and restore them at the end.
+    """
     python, numpy = random.getstate(), np.random.get_state()  # noqa: NPY002  (the global generator is the point)
     first, *others = gc.get_threshold()
     random.random()

@@ -1,14 +1,16 @@
 """The trace formula after one step, E[F(y1)] = F(y0) + hσ, by quadrature over the increments.
 
-The law *invariant* measures its defect. For additive noise its systems are dy = B∇H dt + Σ c_j g_j dW_j, whose
-generator L maps F to a constant, LF = σ. A scheme satisfies the formula exactly if it adds the noise of half a step,
-makes a step of y′ = B∇H that keeps F, and adds the noise of the other half. Each noise adds Var(ΔW_j) σ = ½hσ to E[F].
-With clipped increments √h ζ_j, such a scheme has E[F(y1)] = F(y0) + hσ E[ζ²], which is then the expected value.
+The law *invariant* measures its defect. For additive noise its systems are dy = B∇H dt + Σ c_j g_j
+dW_j, whose generator L maps F to a constant, LF = σ. A scheme satisfies the formula exactly if it
+adds the noise of half a step, makes a step of y′ = B∇H that keeps F, and adds the noise of the
+other half. Each noise adds Var(ΔW_j) σ = ½hσ to E[F]. With clipped increments √h ζ_j, such a scheme
+has E[F(y1)] = F(y0) + hσ E[ζ²], which is then the expected value.
 
-**Bound.** At each node of the quadrature the residual r of the step and the rounding of F change F. The bound is the
-mean of both changes, plus twice the difference from a rule with one node fewer in each variable. This difference is of
-rounding size if F(y1) is a polynomial of low degree in the noise, as for schemes that satisfy the laws. The noises of
-both halves may cancel, so r is computed with every increment as large as the largest one of the rule.
+**Bound.** At each node of the quadrature the residual r of the step and the rounding of F change F.
+The bound is the mean of both changes, plus twice the difference from a rule with one node fewer in
+each variable. This difference is of rounding size if F(y1) is a polynomial of low degree in the
+noise, as for schemes that satisfy the laws. The noises of both halves may cancel, so r is computed
+with every increment as large as the largest one of the rule.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ from sepv.problem import Array, Problem
 from sepv.record import EPS, TINY, PolynomialMap
 from sepv.schemes import Scheme, ask
 
-# The roundings of hσ E[ζ²]: those of the rule's weights, and of a sum of rounded products that is itself rounded once.
+# The roundings of hσ E[ζ²]: those of the rule's weights, and of a sum of rounded products that is
+# itself rounded once.
 MOMENT = 8
 
 
@@ -42,7 +45,8 @@ class Quantity:
     name : str
         The name of F in messages.
     value, size : (d, M) -> (M,)
-        F, and the sum of the absolute values of the terms of F. The rounding of F is proportional to this sum.
+        F, and the sum of the absolute values of the terms of F. The rounding of F is proportional
+        to this sum.
     moved : (y0, y1, r), each (d, M) -> (M,)
         A bound of the change of F that a residual r of the step from y0 to y1 causes.
     rate : float
@@ -50,7 +54,8 @@ class Quantity:
     unit : float
         The unit of the reported defect.
     decay : float
-        λ, if LF = σ − λF and increments are not clipped. Then E[F(y1)] = e^(−λh) F(y0) + σ(1 − e^(−λh))/λ.
+        λ, if LF = σ − λF and increments are not clipped. Then E[F(y1)] = e^(−λh) F(y0) + σ(1
+        − e^(−λh))/λ.
     """
 
     name: str
@@ -63,7 +68,9 @@ class Quantity:
 
 
 def short(case: Case) -> Case:
-    """Return the case with dW = 0 and the h for which h + 4√h Σ c_j is the contraction radius, or 1 if that is less."""
+    """Return the case with dW = 0 and the h for which h + 4√h Σ c_j is the contraction radius,
+    or 1 if that is less.
+    """
     problem, y, _, _ = case.build()
     polynomial = isinstance(problem.gradient, PolynomialMap)
     radius = contraction_ball(problem, y)[0] if polynomial else measured_radius(problem, y)
@@ -73,7 +80,9 @@ def short(case: Case) -> Case:
 
 
 def measured(scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity) -> Measurement:
-    """Measure |E[F(y1)] − F(y0) − hσ E[ζ²]| for h > 0 and σ = `F.rate`. The module's docstring derives the bound."""
+    """Measure |E[F(y1)] − F(y0) − hσ E[ζ²]| for h > 0 and σ = `F.rate`.
+    The module's docstring derives the bound.
+    """
     mean, allowed = mean_after(scheme, problem, y, h, F)
     coarser, _ = mean_after(scheme, problem, y, h, F, fewer=1)
     start, size = float(F.value(y)), float(F.size(y))
@@ -95,9 +104,11 @@ def measured(scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity) 
 
 
 def second_moment(scheme: Scheme, problem: Problem, h: float, fewer: int = 0) -> float:
-    """Return E[ζ²] of the clipped increments √h ζ by the rule of `mean_after`, and 1 for a scheme without clipping.
+    """Return E[ζ²] of the clipped increments √h ζ by the rule of `mean_after`,
+    and 1 for a scheme without clipping.
 
-    Kinks of the clipping make the rule inexact. Its error in E[F(y1)] cancels if F(y1) is quadratic in the increments.
+    Kinks of the clipping make the rule inexact. Its error in E[F(y1)] cancels if F(y1) is quadratic
+    in the increments.
     """
     if scheme.truncation is None or not problem.noises:
         return 1.0
@@ -113,7 +124,9 @@ def nodes(scheme: Scheme, problem: Problem, h: float) -> int:
 def mean_after(
     scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity, fewer: int = 0
 ) -> tuple[float, float]:
-    """Return E[F(y1)] by quadrature (`fewer` nodes less per variable), and a bound of residual and rounding errors."""
+    """Return E[F(y1)] by quadrature (`fewer` nodes less per variable),
+    and a bound of residual and rounding errors.
+    """
     nodes = rule_for(scheme, problem, h, 4, fewer)
     noise = np.sqrt(h) * nodes.zeta
     states = np.repeat(y[:, None], noise.shape[1], axis=1)

@@ -1,4 +1,5 @@
-"""A step from y0 to y1 and a step back: the measurement of the laws "symmetry" and "reversibility", and its bound.
+"""A step from y0 to y1 and a step back: the measurement of the laws "symmetry" and "reversibility",
+and its bound.
 
 Let Φ be the step and Ψ the step back in exact arithmetic, Ψ∘Φ = id. A rounding at the end of the
 first step or at the start of the way back reaches y0′ as Ψ′ times itself. One at the start of the
@@ -11,16 +12,17 @@ y1), a residual r moves y0′ by (I + ∂R/∂y0)⁻¹ r. Because Ψ′ = (I + �
 derivatives of R are equal up to O(Δ²), this is ½(I + Ψ′) r, half of the bound.
 
 **Memory.** A scheme with a state makes N steps there and N steps back (`sepv.law.middle`, MAP). Its
-`StatefulStep.reverse` gives the state that leads back. Without it, a path that begins anew at y_N leads back
-only if y alone determines the path, as with a stored force. Then each path of N ≥ 2 steps equals one in which
-every step begins anew, up to the sum of the residuals of both. One case in which it does not refutes this, and
-the laws say nothing of the scheme: where both paths are equal, as at rest or where roundings hide the
-difference, a return proves nothing, and no return is no fault. So all listed cases are asked first
-(`no_memory`), and again each case that would violate the law.
+`StatefulStep.reverse` gives the state that leads back. Without it, a path that begins anew at y_N
+leads back only if y alone determines the path, as with a stored force. Then each path of N ≥ 2
+steps equals one in which every step begins anew, up to the sum of the residuals of both. One case
+in which it does not refutes this, and the laws say nothing of the scheme: where both paths are
+equal, as at rest or where roundings hide the difference, a return proves nothing, and no return is
+no fault. So all listed cases are asked first (`no_memory`), and again each case that would violate
+the law.
 
-A scheme that gives a state back at y_N has no steps from states next to y_N, so errors r before them
-count as e^(2κ) times the largest r, the growth inside a contraction radius. This is not derived for
-equations other than (2.1).
+A scheme that gives a state back at y_N has no steps from states next to y_N, so errors r before
+them count as e^(2κ) times the largest r, the growth inside a contraction radius. This is not
+derived for equations other than (2.1).
 """
 
 from __future__ import annotations
@@ -50,22 +52,23 @@ from sepv.schemes import (
     translated,
 )
 
-# The y of a reversed state may differ from y_N by REVERSED_STATE_TOLERANCE times |y_N|_∞, because a state may
-# use other coordinates.
+# The y of a reversed state may differ from y_N by REVERSED_STATE_TOLERANCE times |y_N|_∞, because a
+# state may use other coordinates.
 REVERSED_STATE_TOLERANCE = 2.0**-20
 
 
 def measured(scheme: Scheme, case: Case, rho: Array | None = None) -> Measurement:
     """Measure |y0′ − y0| after the steps of the case from y0 to y_N and steps back.
 
-    The steps back are those with −h and −ΔW. With rho (d,), the signs of a reversal of momenta, they are
-    those with h and ΔW from ρy_N, and y0′ is ρ times their end. The derivative of the way back costs d
-    further ways back. They are made only if |y0′ − y0| exceeds r.
+    The steps back are those with −h and −ΔW. With rho (d,), the signs of a reversal of momenta,
+    they are those with h and ΔW from ρy_N, and y0′ is ρ times their end. The derivative of the way
+    back costs d further ways back. They are made only if |y0′ − y0| exceeds r.
 
     Raises
     ------
     Skipped
-        If the scheme refuses h < 0, that is, fails with the steps back and with a step −2⁻¹⁷h without noise.
+        If the scheme refuses h < 0, that is, fails with the steps back and with a step −2⁻¹⁷h
+        without noise.
     Unasked
         If nothing says how the path of a scheme with memory goes back.
     """
@@ -105,7 +108,8 @@ def measured(scheme: Scheme, case: Case, rho: Array | None = None) -> Measuremen
 
 
 def moved(back: Callable[[Array], Array], y1: Array, returned: Array, k: int, width: float) -> Array | float:
-    """The change |back(y1 ± w e_k) − back(y1)| (d,), w = `width`, with the first sign for which the step succeeds.
+    """The change |back(y1 ± w e_k) − back(y1)| (d,), w = `width`,
+    with the first sign for which the step succeeds.
 
     NaN if it succeeds for no sign: then nothing tells how roundings grow, and the case has no
     bound.
@@ -121,7 +125,9 @@ def moved(back: Callable[[Array], Array], y1: Array, returned: Array, k: int, wi
 def _steps(
     scheme: Scheme, problem: Problem, y: Array, state: Any, h: float, dW: Array, count: int
 ) -> tuple[Array, Any]:
-    """Return the end y (d,) of `count` steps of a path, each with h/count and ΔW/count, and the state there."""
+    """Return the end y (d,) of `count` steps of a path, each with h/count and ΔW/count,
+    and the state there.
+    """
     for _ in range(count):
         y, state = ask_next(scheme, problem, y, state, h / count, dW / count)
     return y, state
@@ -130,7 +136,8 @@ def _steps(
 def _reversed(
     rule: StatefulStep, problem: Problem, wanted: Array, state: Any, rho: Array | None, h: float, dW: Array
 ) -> tuple[Array, Any]:
-    """Return the reversed state and its y, which must be `wanted`; raise SchemeFault if it is at another place.
+    """Return the reversed state and its y, which must be `wanted`;
+    raise SchemeFault if it is at another place.
 
     Raises Unasked if only signs differ: then the function serves the other of the two laws.
     """
@@ -151,7 +158,9 @@ def _reversed(
 
 
 def no_memory(scheme: Scheme, case: Case) -> None:
-    """Raise Unasked if no `reverse` is given, and the path of the case differs from one whose steps all begin anew."""
+    """Raise Unasked if no `reverse` is given, and the path of the case differs from one whose steps
+    all begin anew.
+    """
     scheme, own, count, _ = _there(scheme)
     if not isinstance(own.step, StatefulStep) or own.step.reverse is not None:
         return
@@ -185,6 +194,8 @@ def _solves(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> 
 
 
 def _first_line(error: Exception) -> str:
-    """Return the name and text of an error's cause, for a message in which equal reasons are counted together."""
+    """Return the name and text of an error's cause, for a message in which equal reasons are
+    counted together.
+    """
     cause = error.__cause__
     return f"{type(cause).__name__}: {cause}" if cause is not None else type(error).__name__

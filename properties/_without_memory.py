@@ -1,7 +1,8 @@
-"""Checks that a step has no memory: the same arguments give the same state, however often and in whichever order.
+"""Checks that a step has no memory: the same arguments give the same state,
+however often and in whichever order.
 
-The law *contract* makes these checks, which need several calls. A failed check raises SchemeFault with both
-results.
+The law *contract* makes these checks, which need several calls. A failed check raises SchemeFault
+with both results.
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ from sepv.problem import Array, Problem
 from sepv.problems.shown_to_schemes import shown
 from sepv.schemes import Scheme, ask, check_answer, raw_answer
 
-# The least distance of two states to compare, relative to the result. Rounding may make results of closer
-# states equal.
+# The least distance of two states to compare, relative to the result. Rounding may make results of
+# closer states equal.
 LEAST_DISTANCE = 2.0**-20
-# The size of the short steps made around a step without a solution, as a fraction of the size of that step.
+# The size of the short steps made around a step without a solution, as a fraction of the size of
+# that step.
 SHORT_OF_FOLD = 2.0**-10
 # The remedy for a step that depends on earlier calls.
 FORGET_REMEDY = (
@@ -32,18 +34,20 @@ FORGET_REMEDY = (
 )
 # The number of calls that show if a step changes from call to call, before another cause is named.
 CALLS_TO_SHOW_CHANGE = 8
-# The number of states in each repeated call of a scheme that takes batches: 1024 calls make ten thousand
-# steps.
+# The number of states in each repeated call of a scheme that takes batches: 1024 calls make ten
+# thousand steps.
 LANES = 10
-# The search for a new object at its predecessor's address ends after ADDRESSES objects elsewhere, or FRESH
-# objects.
+# The search for a new object at its predecessor's address ends after ADDRESSES objects elsewhere,
+# or FRESH objects.
 ADDRESSES, FRESH = 16, 64
 # The most seconds for repeating a step. So a step of more than 30 ms is repeated less often.
 MOST_SECONDS = 30.0
 
 
 def repeats(scheme: Scheme, case: Case) -> None:
-    """Repeat the step of a case `case.times` times, and raise SchemeFault if the results differ in any bit."""
+    """Repeat the step of a case `case.times` times, and raise SchemeFault if the results differ in
+    any bit.
+    """
     problem, y, h, dW = case.build()
     if scheme.batched:
         y, dW = (np.repeat(a[:, None], LANES, axis=1) for a in (y, dW))
@@ -65,10 +69,11 @@ def repeats(scheme: Scheme, case: Case) -> None:
 
 
 def refuses_again(scheme: Scheme, case: Case) -> None:
-    """Try a step without a solution twice, with a short step from the same y before, in between and at the end.
+    """Try a step without a solution twice, with a short step from the same y before,
+    in between and at the end.
 
-    Raise SchemeFault if the two tries or the three short steps have different results, or change global
-    state.
+    Raise SchemeFault if the two tries or the three short steps have different results, or change
+    global state.
     """
     problem, y, h, dW = case.build()
 
@@ -96,11 +101,12 @@ def refuses_again(scheme: Scheme, case: Case) -> None:
 def reads_again(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, share: float, before: Array
 ) -> None:
-    """Step with arrays that held other numbers in the last call: with y, then with dW after `dW *= share`.
+    """Step with arrays that held other numbers in the last call: with y,
+    then with dW after `dW *= share`.
 
-    Both results are compared with those from new arrays. Loops often overwrite arrays in place, and a scheme
-    that recognises a state by `y is last` then returns old values. `before` is the state that y held in the
-    last call. The second step has the length share·h, so that Δ is not longer.
+    Both results are compared with those from new arrays. Loops often overwrite arrays in place, and
+    a scheme that recognises a state by `y is last` then returns old values. `before` is the state
+    that y held in the last call. The second step has the length share·h, so that Δ is not longer.
     """
     whole, state = dW.copy(), y.copy()
 
@@ -134,10 +140,11 @@ def reads_again(
 
 
 def remembers_calls(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, answer: Array) -> None:
-    """Raise SchemeFault if the step with the result `answer` has another in the next CALLS_TO_SHOW_CHANGE calls.
+    """Raise SchemeFault if the step with the result `answer` has another in the next
+    CALLS_TO_SHOW_CHANGE calls.
 
-    So a counter, or anything else that changes from call to call, is not taken for a fault of arrays or
-    records.
+    So a counter, or anything else that changes from call to call, is not taken for a fault of
+    arrays or records.
     """
     for _ in range(CALLS_TO_SHOW_CHANGE):
         other = ask(scheme, problem, y, h, dW)
@@ -154,12 +161,13 @@ def _memory(first: Array, other: Array) -> SchemeFault:
 
 
 def tells_apart(y: Array, other: Array, answer: Array, to_other: Array, least: float) -> None:
-    """Raise SchemeFault if `answer` and `to_other`, the results of steps from y and from `other`, are equal.
+    """Raise SchemeFault if `answer` and `to_other`, the results of steps from y and from `other`,
+    are equal.
 
-    Two such steps reveal a cache with the key (h, dW); repetition of one step does not. If the step's
-    equation is a contraction with factor κ, two results differ by at least (1 − κ)/(1 + κ) of the distance
-    between y and `other`. Distances of at most `least` times the size of the result are not judged, because
-    rounding may hide them.
+    Two such steps reveal a cache with the key (h, dW); repetition of one step does not. If the
+    step's equation is a contraction with factor κ, two results differ by at least (1 − κ)/(1 + κ)
+    of the distance between y and `other`. Distances of at most `least` times the size of the result
+    are not judged, because rounding may hide them.
     """
     apart = np.max(np.abs(other - y), axis=0)
     lane = np.all(answer == to_other, axis=0) & (apart > least * np.max(np.abs(answer), axis=0))
@@ -172,18 +180,19 @@ def tells_apart(y: Array, other: Array, answer: Array, to_other: Array, least: f
 
 
 def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, first: Array) -> None:
-    """Step an equal problem in a new object, whose address belonged to a problem with half the noise or half of H.
+    """Step an equal problem in a new object, whose address belonged to a problem with half the
+    noise or half of H.
 
-    Python mostly reuses a freed object's memory for the next object of the same size. A scheme that caches
-    results by `id`, or by `id` and Δ, then returns the wrong problem's result. If the address differs, other
-    addresses are tried.
+    Python mostly reuses a freed object's memory for the next object of the same size. A scheme that
+    caches results by `id`, or by `id` and Δ, then returns the wrong problem's result. If the
+    address differs, other addresses are tried.
     """
     if np.array_equal(first, y):  # a step that moves nothing is the same with half the noise
         return
     whole, missed = shown(problem, scheme.needs), 0
-    # The first problem has half the noise, the last one the whole noise and half of H: a noise that was
-    # cached at their address is still halved. If the scheme sees the degree of H, it may have cached this
-    # degree or its nodes.
+    # The first problem has half the noise, the last one the whole noise and half of H: a noise that
+    # was cached at their address is still halved. If the scheme sees the degree of H, it may have
+    # cached this degree or its nodes.
     parts = [partial(_quadratic, whole, y)] if whole.degree is not None else [
         *[partial(_as_others, whole, 0.5)] * bool(problem.noises), partial(_as_others, whole, 1.0, 0.5)
     ]  # fmt: skip
@@ -193,8 +202,8 @@ def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: A
         for make in parts:
             other = make()
             addresses.add(id(other))
-            # A cache may have the whole problem's result at this address and return it: then no comparison is
-            # possible.
+            # A cache may have the whole problem's result at this address and return it: then no
+            # comparison is possible.
             with suppress(StepFailure):
                 blind = np.array_equal(first, ask(scheme, other, y, h, dW)) or blind
             del other
@@ -216,7 +225,9 @@ def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: A
 
 
 def _as_others(problem: Problem, of_noise: float = 1.0, of_energy: float = 1.0) -> Problem:
-    """Return the problem with its c_j multiplied by `of_noise`, and H and ∇H (as new functions) by `of_energy`."""
+    """Return the problem with its c_j multiplied by `of_noise`, and H and ∇H (as new functions)
+    by `of_energy`.
+    """
 
     def times(function: Any) -> Any:
         return function and (lambda *states: of_energy * function(*states))
@@ -233,7 +244,9 @@ def _as_others(problem: Problem, of_noise: float = 1.0, of_energy: float = 1.0) 
 
 
 def _quadratic(problem: Problem, y: Array) -> Problem:
-    """Return the problem with H = ½ s|y|² and degree 2, where s is chosen so that |∇H(y)| stays the same."""
+    """Return the problem with H = ½ s|y|² and degree 2,
+    where s is chosen so that |∇H(y)| stays the same.
+    """
     d, s = len(y), float(np.linalg.norm(problem.gradient(y)) / np.linalg.norm(y))
     return replace(
         problem,
@@ -247,7 +260,9 @@ def _quadratic(problem: Problem, y: Array) -> Problem:
 
 
 def again(scheme: Scheme, case: Case, before: Array | None) -> None:
-    """Repeat the step of a case after the steps of all other cases, and compare its result with the first, `before`."""
+    """Repeat the step of a case after the steps of all other cases,
+    and compare its result with the first, `before`.
+    """
     if before is not None and not np.array_equal(before, answer := ask(scheme, *case.build())):
         raise SchemeFault(
             expected="one answer for one question, in whichever order questions come",

@@ -1,23 +1,26 @@
 """Steps of (2.1) that have no solution at all, with proofs in exact arithmetic.
 
-Let B_kj be the only entry of row k of B, B_kj or ∂_jH constant, and B_kj(y) ∂_jH(y) = q(y_k), where
-q(x) = q0 + q1 x + q2 x² has no real root. With x = y0_k, component k of (2.1) is an equation for z = y1_k − y0_k alone:
+Let B_kj be the only entry of row k of B, B_kj or ∂_jH constant, and B_kj(y) ∂_jH(y) = q(y_k),
+where q(x) = q0 + q1 x + q2 x² has no real root. With x = y0_k, component k of (2.1) is an equation
+for z = y1_k − y0_k alone:
 
     z = Δ (q(x) + ½ q′(x) z + w q2 z²),    w = ⅓ if B_kj is constant, ¼ if ∂_jH is,
 
-because ∇H is averaged along the segment from y0 to y1, ∫₀¹ τ² dτ = ⅓, and B is taken at its middle, (½)² = ¼. If
-(½ q′(x) Δ − 1)² < 4 w q2 q(x) Δ², no real z satisfies the equation, and (2.1) has no solution. The difference of both
-sides is a polynomial in Δ, equal to 1 at Δ = 0. Its leading coefficient (½ q′)² − 4 w q2 q(x) is negative, because
-q′² < 4 q2 q(x). So the inequality holds beyond one fold Δ* > 0 and beyond one fold Δ* < 0.
+because ∇H is averaged along the segment from y0 to y1, ∫₀¹ τ² dτ = ⅓, and B is taken at its middle,
+(½)² = ¼. If (½ q′(x) Δ − 1)² < 4 w q2 q(x) Δ², no real z satisfies the equation, and (2.1) has no
+solution. The difference of both sides is a polynomial in Δ, equal to 1 at Δ = 0. Its leading
+coefficient (½ q′)² − 4 w q2 q(x) is negative, because q′² < 4 q2 q(x). So the inequality holds
+beyond one fold Δ* > 0 and beyond one fold Δ* < 0.
 
-For s stages and constant B_kj, u̇ of the collocation polynomial u is the L² projection of Δ q(u) on degree s − 1. Hence
-z = Δ∫₀¹ q(u) dτ. Let q = γ + q2 (x − μ)², v = u − μ and K_s = 4 Σ (2n + 1) over odd n ≤ s. Then |v(1) − v(0)|² ≤
-K_s ∫v², because the Legendre polynomials P_n(2τ − 1) have norms (2n + 1)^{−½}, and P_n(1) − P_n(−1) = 2 for odd n. So
+For s stages and constant B_kj, u̇ of the collocation polynomial u is the L² projection of Δ q(u) on
+degree s − 1. Hence z = Δ∫₀¹ q(u) dτ. Let q = γ + q2 (x − μ)², v = u − μ and K_s = 4 Σ (2n + 1) over
+odd n ≤ s. Then |v(1) − v(0)|² ≤ K_s ∫v², because the Legendre polynomials P_n(2τ − 1) have norms
+(2n + 1)^{−½}, and P_n(1) − P_n(−1) = 2 for odd n. So
 
     |z| ≥ |Δ| (|γ| + |q2| z² / K_s),    which no z satisfies if Δ² > K_s / (4 γ q2).
 
-With several structures whose rows k are g_l times row k of B, Δ is replaced by h + Σ g_l c_l ΔW_l. For Nambu systems
-with linear C, the method that averages ∇C too is (2.1).
+With several structures whose rows k are g_l times row k of B, Δ is replaced by h + Σ g_l c_l ΔW_l.
+For Nambu systems with linear C, the method that averages ∇C too is (2.1).
 """
 
 from __future__ import annotations
@@ -34,22 +37,25 @@ from sepv.problem import PolynomialSystem, Structure, Systems
 from sepv.problems import nambu_system
 from sepv.record import Polynomial, poly
 
-# A scheme computes Δ with a relative rounding error of 2⁻⁵⁰, or 2⁻²¹ in single precision. The proof holds for every Δ
-# within the relative distance FOLD_DISTANCE.
+# A scheme computes Δ with a relative rounding error of 2⁻⁵⁰, or 2⁻²¹ in single precision. The proof
+# holds for every Δ within the relative distance FOLD_DISTANCE.
 FOLD_DISTANCE = Fraction(1, 2**20)
 # The classes of systems for which `made` makes steps without a solution.
 CLASSES_WITH_FOLDS = (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL)
-# Exponents n: a step is longer than a fold by the fraction 2^n. Most fractions are small, so that two half steps have
-# solutions. Some are so small that a loose test of convergence accepts the nearest state as a solution.
+# Exponents n: a step is longer than a fold by the fraction 2^n. Most fractions are small, so that
+# two half steps have solutions. Some are so small that a loose test of convergence accepts the
+# nearest state as a solution.
 FOLD_EXPONENTS = (-6, -6, -16, -12, -4, -3, -1, 0, 3)
 _NONE = (Fraction(0), Fraction(0), Fraction(0))
 
 
 @dataclass(frozen=True)
 class NoSolution:
-    """A proof that a step has no solution: the residual |a z² + b z + c| of one component of (2.1) has no real zero.
+    """A proof that a step has no solution: the residual |a z² + b z + c| of one component of (2.1)
+    has no real zero.
 
-    Here z is component `place` of y1 − y0. With several stages the residual is at least |a z² + b |z| + c|.
+    Here z is component `place` of y1 − y0. With several stages the residual is at least |a z² + b
+    |z| + c|.
     """
 
     place: int
@@ -59,7 +65,9 @@ class NoSolution:
     stages: int = 1
 
     def residual(self, y0: float, y1: float) -> Fraction:
-        """Return the residual |a z² + b z + c| at z = y1 − y0, where y0 and y1 are components `place` of the states."""
+        """Return the residual |a z² + b z + c| at z = y1 − y0,
+        where y0 and y1 are components `place` of the states.
+        """
         z = Fraction(y1) - Fraction(y0)
         z = z if self.stages == 1 else abs(z)
         return abs(self.a * z * z + self.b * z + self.c)
@@ -76,7 +84,9 @@ def legendre_sum(stages: int) -> int:
 
 
 def proof(case: Case, stages: int = 1) -> NoSolution | None:
-    """Return the proof that the step of a case has no solution, or None if the module's argument does not apply."""
+    """Return the proof that the step of a case has no solution,
+    or None if the module's argument does not apply.
+    """
     data = case.problem
     if not isinstance(data, PolynomialSystem) or data.noise_hamiltonians:
         return None
@@ -122,7 +132,9 @@ def _row(structure: Structure, k: int) -> dict[int, Polynomial]:
 
 
 def _quadratic(p: Polynomial, k: int) -> tuple[Fraction, Fraction, Fraction] | None:
-    """Return (q0, q1, q2) if the polynomial p depends on y_k alone, has degree 2 and no real root, else None."""
+    """Return (q0, q1, q2) if the polynomial p depends on y_k alone, has degree 2 and no real root,
+    else None.
+    """
     found = list(_NONE)
     for exponents, value in p.terms:
         if sum(exponents) != exponents[k] or exponents[k] > 2:
@@ -133,7 +145,9 @@ def _quadratic(p: Polynomial, k: int) -> tuple[Fraction, Fraction, Fraction] | N
 
 
 def _step(case: Case, data: PolynomialSystem, j: int, k: int) -> Fraction | None:
-    """Return h + Σ g_l c_l ΔW_l if row k of each G_l is g_l times row k of B (g_l = 1 if G_l = B), else None."""
+    """Return h + Σ g_l c_l ΔW_l if row k of each G_l is g_l times row k of B (g_l = 1 if G_l = B),
+    else None.
+    """
     shares = [Fraction(1)] * len(data.noise)
     own = _row(data.structure, k)
     for n, G in enumerate(data.noise_structures):
@@ -151,7 +165,9 @@ def _value(p: Polynomial) -> Fraction:
 
 
 def made(random: Random, systems: Systems, stages: int = 1) -> Case:
-    """Make a random step that exceeds a fold Δ* by 2⁻¹⁶ to 8 times |Δ*|. One case in four is stepped in a batch too."""
+    """Make a random step that exceeds a fold Δ* by 2⁻¹⁶ to 8 times |Δ*|.
+    One case in four is stepped in a batch too.
+    """
     while True:
         case = _drawn(random, systems, stages)
         if proof(case, stages) is not None:
@@ -195,7 +211,9 @@ def _drawn(random: Random, systems: Systems, stages: int) -> Case:
 
 
 def _folds(q: list[float], x: float, factor: float, w: float, stages: int) -> list[float]:
-    """Return both folds Δ*, at which 1 − q′(x) t + (¼q′(x)² − 4 w q2 q(x)) t² = 0 with t = factor·Δ* and x = y0_k."""
+    """Return both folds Δ*, at which 1 − q′(x) t + (¼q′(x)² − 4 w q2 q(x))
+    t² = 0 with t = factor·Δ* and x = y0_k.
+    """
     q0, q1, q2 = q
     if stages > 1:
         t = sqrt(legendre_sum(stages) / (4 * q2 * (q0 - q1 * q1 / (4 * q2))))
@@ -219,10 +237,13 @@ def _system(
     H: Polynomial,
     entry: Polynomial,
 ) -> PolynomialSystem:
-    """Make a system with the given H and B_kj = `entry`, (k, j, …) = `places`. Noises, other rows of B are random."""
+    """Make a system with the given H and B_kj = `entry`, (k, j, …) = `places`. Noises,
+    other rows of B are random.
+    """
     k, j, others = places
     if systems is Systems.NAMBU:
-        # B(y)v = g v × ∇C with C = y_l, l the third index: the only entries of B are ±g at (k, j) and (j, k).
+        # B(y)v = g v × ∇C with C = y_l, l the third index: the only entries of B are ±g at (k, j)
+        # and (j, k).
         C = poly.variable(d, others[0])
         return nambu_system(H, poly.constant(d, _sign(k, j) * float(_value(entry))), C, _noise(random, 0))
 

@@ -1,19 +1,24 @@
-"""Two programs of one method make the same steps, up to roundings and to the tolerances of their solvers.
+"""Two programs of one method make the same steps, up to roundings and to the tolerances of their
+solvers.
 
-Let y1 = y0 + R(y0, y1) be the equation of the method; an explicit method is one whose R does not depend on y1. Program
-i solves it up to a residual r_i. Their distance e satisfies (I − ∂R/∂y1)e = r_1 − r_2, so |e| ≤ ‖(I − ∂R/∂y1)⁻¹‖
-(|r_1| + |r_2|). The steps are inside the contraction radius, where the equation has one solution near y0: both programs
-follow the same branch. `sepv.law.tolerance` derives r_i from the roundings of y, Δ and the stages, and from
-the solver's stated tolerance. Over N steps of a path the residuals add up to N e^(2κ) r (`sepv.law.middle`).
+Let y1 = y0 + R(y0, y1) be the equation of the method; an explicit method is one whose R does
+not depend on y1. Program i solves it up to a residual r_i. Their distance e satisfies (I
+− ∂R/∂y1)e = r_1 − r_2, so |e| ≤ ‖(I − ∂R/∂y1)⁻¹‖ (|r_1| + |r_2|). The steps are inside the
+contraction radius, where the equation has one solution near y0: both programs follow the same
+branch. `sepv.law.tolerance` derives r_i from the roundings of y, Δ and the stages, and from the
+solver's stated tolerance. Over N steps of a path the residuals add up to N e^(2κ) r
+(`sepv.law.middle`).
 
-**Other equations.** The residual is derived for steps that combine values of ΔB∇H between y0 and y1. A method that does
-not act through Δ may compute Itô's correction, whose rounding is added. If two steps are still farther apart, the
-responses of both programs to their own roundings are measured: |Φ(x + w e_k) − Φ(x)|, summed over the components k of
-x = (y, h, ΔW), where w is the residual of y_k, and for h and ΔW_j the count of roundings times their size. A difference
-within the sum of both responses is one that roundings may cause.
+**Other equations.** The residual is derived for steps that combine values of ΔB∇H between y0 and
+y1. A method that does not act through Δ may compute Itô's correction, whose rounding is added. If
+two steps are still farther apart, the responses of both programs to their own roundings are
+measured: |Φ(x + w e_k) − Φ(x)|, summed over the components k of x = (y, h, ΔW), where w is the
+residual of y_k, and for h and ΔW_j the count of roundings times their size. A difference within the
+sum of both responses is one that roundings may cause.
 
-**Refusals.** If both programs refuse a step, they agree. If one refuses a step that the other makes, the law counts
-and names it, and does not judge it: a solver may give up earlier than another. NaN is an answer, unless both give it.
+**Refusals.** If both programs refuse a step, they agree. If one refuses a step that the other
+makes, the law counts and names it, and does not judge it: a solver may give up earlier than
+another. NaN is an answer, unless both give it.
 """
 
 from __future__ import annotations
@@ -73,7 +78,9 @@ LISTED = 4
 
 @dataclass
 class Tally:
-    """The counts of a search: steps of both, steps with equal bits, steps that both or one of them refuse."""
+    """The counts of a search: steps of both, steps with equal bits,
+    steps that both or one of them refuse.
+    """
 
     steps: int = 0
     equal: int = 0
@@ -94,9 +101,11 @@ class Tally:
 
 
 def pair(scheme: Scheme) -> Scheme | str:
-    """The scheme with its twin loaded, and with the facts of both that decide which cases are asked of them.
+    """The scheme with its twin loaded, and with the facts of both that decide which cases are asked
+    of them.
 
-    Both are exchanged if the twin alone computes in single precision. The result is the reason, if no case is for both.
+    Both are exchanged if the twin alone computes in single precision. The result is the reason, if
+    no case is for both.
     """
     given = scheme.twin
     if given is None:
@@ -135,7 +144,9 @@ def pair(scheme: Scheme) -> Scheme | str:
 
 
 def _common(first: Systems, second: Systems) -> Systems | None:
-    """The class of systems that both programs take: the narrower one of two, of which one contains the other."""
+    """The class of systems that both programs take: the narrower one of two,
+    of which one contains the other.
+    """
     for wide, narrow in ((first, second), (second, first)):
         if wide in (narrow, Systems.SINGLE) or (wide is Systems.HAMILTONIANS and narrow in OF_SEVERAL):
             return narrow
@@ -152,7 +163,9 @@ def check_into(tally: Tally) -> Callable[[Scheme, Case], Measurement]:
 
 
 def _compared(scheme: Scheme, case: Case, tally: Tally) -> Measurement:
-    """Measure the distance of both programs along the steps of a case, each from the state of its own path."""
+    """Measure the distance of both programs along the steps of a case,
+    each from the state of its own path.
+    """
     problem, y, h, dW = case.build()
     own, count = as_path(scheme)
     assert own.twin is not None
@@ -186,7 +199,9 @@ def _compared(scheme: Scheme, case: Case, tally: Tally) -> Measurement:
 
 
 def _path(scheme: Scheme, case: Case, count: int) -> tuple[list[Array], Exception | None]:
-    """The states after each of `count` steps from the case's y, up to the first refusal or NaN, and this error."""
+    """The states after each of `count` steps from the case's y, up to the first refusal or NaN,
+    and this error.
+    """
     problem, y, h, dW = case.build()
     state: Any = None
     states: list[Array] = []
@@ -203,7 +218,9 @@ def _path(scheme: Scheme, case: Case, count: int) -> tuple[list[Array], Exceptio
 
 @contextmanager
 def _of(scheme: Scheme) -> Iterator[None]:
-    """A context in which the message of a fault begins with the name of the program that made it."""
+    """A context in which the message of a fault begins with the name of the program that made
+    it.
+    """
     try:
         yield
     except SepvError as error:
@@ -213,13 +230,17 @@ def _of(scheme: Scheme) -> Iterator[None]:
 
 
 def _apart(a: Array, b: Array) -> Array:
-    """The distances |a − b| (d,) of two states; of 0 and −0, whose bits differ, it is the least number above 0."""
+    """The distances |a − b| (d,) of two states; of 0 and −0, whose bits differ,
+    it is the least number above 0.
+    """
     off = np.abs(a - b)
     return np.where((off == 0) & (np.signbit(a) != np.signbit(b)), np.nextafter(0.0, 1.0), off)
 
 
 def _bound(scheme: Scheme, other: Scheme, case: Case, mine: Array, its: Array, *, within: float) -> float:
-    """The bound of the distance of both ends (d,); responses are measured only if it is less than `within`."""
+    """The bound of the distance of both ends (d,); responses are measured only if it is less than
+    `within`.
+    """
     problem, y, h, dW = case.build()
     own, count = as_path(scheme)
     facts = scheme if other.dtype == scheme.dtype else replace(scheme, dtype=other.dtype)
@@ -239,7 +260,9 @@ def _bound(scheme: Scheme, other: Scheme, case: Case, mine: Array, its: Array, *
 
 
 def _response(scheme: Scheme, case: Case, count: int, y1: Array, residual: Array) -> float:
-    """The sum over y, h and ΔW of the changes of a program's end y1 when one number changes by its roundings."""
+    """The sum over y, h and ΔW of the changes of a program's end y1 when one number changes by its
+    roundings.
+    """
     problem, y, h, dW = case.build()
     d = len(y)
 
@@ -258,7 +281,9 @@ def _response(scheme: Scheme, case: Case, count: int, y1: Array, residual: Array
 
 
 def _parts(off: Array, bound: float) -> str:
-    """The components of two states that are apart by more than the bound, with their distances, largest first."""
+    """The components of two states that are apart by more than the bound, with their distances,
+    largest first.
+    """
     parted = [k for k in np.argsort(-off).tolist() if off[k] > bound]
     if not parted:
         return ""
@@ -272,7 +297,9 @@ def _refused(
     own: Scheme, other: Scheme, case: Case, mine: tuple[int, Exception | None], its: tuple[int, Exception | None],
     tally: Tally,
 ) -> Measurement:  # fmt: skip
-    """Judge steps of which one program refuses one, or both do; each is given as (number of steps made, error)."""
+    """Judge steps of which one program refuses one, or both do;
+    each is given as (number of steps made, error).
+    """
     if mine[0] == its[0]:
         tally.both_refuse += 1
         return Measurement(0.0, 0.0, f"both refuse: {mine[1]}")

@@ -1,4 +1,6 @@
-"""Proposition 3.2 of Cohen and Dujardin (2014): a step keeps quadratic Casimirs yᵀAy and linear Casimirs bᵀy."""
+"""Proposition 3.2 of Cohen and Dujardin (2014): a step keeps quadratic Casimirs yᵀAy and linear
+Casimirs bᵀy.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from sepv.schemes import Scheme, ask
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the largest C(y1) − C(y0) of all Casimirs C, evaluated at the binary64 states in extended precision."""
+    """Measure the largest C(y1) − C(y0) of all Casimirs C,
+    evaluated at the binary64 states in extended precision.
+    """
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     exact = exact_problem(case.problem, 40)

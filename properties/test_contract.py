@@ -1,9 +1,11 @@
-"""The contract of ``step``: it is pure and deterministic, keeps shape and dtype, and changes nothing in place.
+"""The contract of ``step``: it is pure and deterministic, keeps shape and dtype,
+and changes nothing in place.
 
-Each case is stepped a few times, also from arrays with another memory layout. If a scheme carries a state from step to
-step, two paths are computed alternately. At the end all cases are stepped in the opposite order, steps without a
-solution are tried twice, and the simplest case is stepped TIMES times in a row. Other laws do not find an error that
-occurs every thousandth call: it changes sampled paths too little, and laws about single steps make some hundred calls.
+Each case is stepped a few times, also from arrays with another memory layout. If a scheme carries a
+state from step to step, two paths are computed alternately. At the end all cases are stepped in the
+opposite order, steps without a solution are tried twice, and the simplest case is stepped TIMES
+times in a row. Other laws do not find an error that occurs every thousandth call: it changes
+sampled paths too little, and laws about single steps make some hundred calls.
 """
 
 from __future__ import annotations
@@ -42,36 +44,44 @@ from sepv.law.search_log import Check
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import Scheme, SchemeCrash, ask, check_answer, raw_answer, require_unchanged, takes
 
-# The number of states in a batch. It is small, because the law "reproducibility" has larger batches.
+# The number of states in a batch. It is small, because the law "reproducibility" has larger
+# batches.
 BATCH = 3
-# OTHERWISE is the number of roundings by which sums in different orders may differ, before a solver amplifies them. A
-# difference of LAYOUT times the result is always allowed: far above roundings of binary64, far below those of binary32.
+# OTHERWISE is the number of roundings by which sums in different orders may differ, before a solver
+# amplifies them. A difference of LAYOUT times the result is always allowed: far above roundings of
+# binary64, far below those of binary32.
 OTHERWISE, LAYOUT = 64, 2.0**-30
-# Caches with rounded keys, and single precision, do not distinguish NEAR·y from y. Steps from both must have different
-# results if the states are farther apart than LEAST_APART (256 roundings) times the size of the result.
+# Caches with rounded keys, and single precision, do not distinguish NEAR·y from y. Steps from both
+# must have different results if the states are farther apart than LEAST_APART (256 roundings) times
+# the size of the result.
 NEAR, LEAST_APART = 1 + 2.0**-40, 2.0**-44
-# If H has degree HIGH or more and d ≤ SMALL, an address first has a problem of degree 2, to reveal cached nodes.
+# If H has degree HIGH or more and d ≤ SMALL, an address first has a problem of degree 2, to reveal
+# cached nodes.
 HIGH, SMALL = 3, 3
 # The number of steps without a solution that are tried, each twice.
 STEPS_WITHOUT_SOLUTION = 2
-# The number of calls of the last case, a quarter of a second for (2.1). They find every fault with a shorter period. If
-# a step takes 200 µs, the sampled laws make a hundred times as many calls.
+# The number of calls of the last case, a quarter of a second for (2.1). They find every fault with
+# a shorter period. If a step takes 200 µs, the sampled laws make a hundred times as many calls.
 TIMES = 1024
-# The step of the last case, shortened by SHORT to save iterations, is timed for TIMING seconds or CALLS calls. If a
-# scheme takes batches, the time is that for one of MANY states.
+# The step of the last case, shortened by SHORT to save iterations, is timed for TIMING seconds or
+# CALLS calls. If a scheme takes batches, the time is that for one of MANY states.
 SHORT, TIMING, CALLS, MANY = 0.125, 0.0625, 16, 256
 # The number of cases whose steps are compared with those of a second process.
 SECOND_PROCESS_CASES = 16
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Check steps from one state and, if the scheme takes batches, from a small batch, where other faults show."""
+    """Check steps from one state and, if the scheme takes batches, from a small batch,
+    where other faults show.
+    """
     _checked(scheme, case)
     return Measurement(0.0, 0.0)
 
 
 def _checked(scheme: Scheme, case: Case) -> Array | None:
-    """Check a case, and return the y1 of its step; None for a case of repeated steps, or of one without a solution."""
+    """Check a case, and return the y1 of its step; None for a case of repeated steps,
+    or of one without a solution.
+    """
     if case.times:
         repeats(scheme, case)
         return None
@@ -81,7 +91,8 @@ def _checked(scheme: Scheme, case: Case) -> Array | None:
     problem, y, h, dW = _as_seen(scheme, case)
     first = _keeps(scheme, problem, y, h, dW, (0.75, 0.5) if case.given == "data" else (0.75,))
     keeps_states(scheme, problem, y, h / 8, dW / 8, LEAST_DISTANCE)
-    # To save time, only cases with functions are checked so, and if H has a degree, only high degrees.
+    # To save time, only cases with functions are checked so, and if H has a degree, only high
+    # degrees.
     high = (
         case.given == "functions"
         and (problem.degree or 0) >= HIGH
@@ -92,7 +103,8 @@ def _checked(scheme: Scheme, case: Case) -> Array | None:
     if (np.any(problem.c * dW) or not problem.noises) and (case.given == "bare functions" or high):
         forgets_problems(scheme, problem, y, h, dW, first)
     if scheme.batched:
-        # States of the batch are nearer to 0 than y, with less noise, so that their steps have solutions too.
+        # States of the batch are nearer to 0 than y, with less noise, so that their steps have
+        # solutions too.
         factors = scheme.numbers(1 - np.arange(BATCH) / 128)
         states = y[:, None] * factors
         if not may_ask(scheme, problem, states):
@@ -111,9 +123,11 @@ def _as_seen(scheme: Scheme, case: Case) -> tuple[Problem, Array, float, Array]:
 def _keeps(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, between: Sequence[float]
 ) -> Array:
-    """Repeat a step, each time after a step from another multiple of y (factors `between`), and return its result.
+    """Repeat a step, each time after a step from another multiple of y (factors `between`),
+    and return its result.
 
-    Raise SchemeFault if the step changes an argument or global state, or if a repetition differs in any bit.
+    Raise SchemeFault if the step changes an argument or global state, or if a repetition differs in
+    any bit.
     """
     copied, noise = y.copy(), dW.copy()
     with watched(scheme) as seen:
@@ -121,7 +135,8 @@ def _keeps(
     require_unchanged(y=(y, copied), dW=(dW, noise))
     answer = check_answer(raw, y, scheme.dtype)
     first = answer.copy()
-    # In the steps in between, zero components are changed, to reveal a step that starts from its last result.
+    # In the steps in between, zero components are changed, to reveal a step that starts from its
+    # last result.
     moved = np.where(y == 0, np.max(np.abs(y)) / 64, y)
     if may_ask(scheme, problem, between[0] * moved) and not np.shares_memory(answer, copied):
         copied[...] = between[0] * moved
@@ -151,10 +166,11 @@ def _keeps(
 
 
 def _takes_any_layout(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, first: Array) -> None:
-    """Repeat a step with the same numbers in read-only arrays, as strided views and in Fortran's order.
+    """Repeat a step with the same numbers in read-only arrays,
+    as strided views and in Fortran's order.
 
-    Sums may be made in another order with these arrays, so results may differ by LAYOUT times their size. A step that
-    accepts none of the arrays, such as a compiled step, is not judged.
+    Sums may be made in another order with these arrays, so results may differ by LAYOUT times their
+    size. A step that accepts none of the arrays, such as a compiled step, is not judged.
 
     Raises
     ------
@@ -187,7 +203,9 @@ def _takes_any_layout(scheme: Scheme, problem: Problem, y: Array, h: float, dW: 
 
 
 def _spread(a: Array) -> Array:
-    """Return a strided view with the numbers of `a`, which skips every other place of its memory."""
+    """Return a strided view with the numbers of `a`, which skips every other place of its
+    memory.
+    """
     spread: Array = np.repeat(a, 2, axis=-1)[..., ::2]
     return spread
 
@@ -208,7 +226,9 @@ def _searched(check: Check) -> Law:
 
 
 def _simplest(scheme: Scheme, cases: Sequence[Case]) -> Case:
-    """Choose the case to repeat often: with noise and h > 0, if possible, a fast system and a short description."""
+    """Choose the case to repeat often: with noise and h > 0, if possible,
+    a fast system and a short description.
+    """
     ordered = sorted(
         cases, key=lambda c: (c.h < 0, isinstance(c.problem, PolynomialSystem), len(c.describe()))
     )
@@ -222,9 +242,11 @@ def _moves(scheme: Scheme, case: Case) -> bool:
 
 
 def keeps_type(scheme: Scheme, case: Case) -> None:
-    """Raise SchemeFault if a step returns another shape or dtype than that of y. A step that fails is not judged.
+    """Raise SchemeFault if a step returns another shape or dtype than that of y.
+    A step that fails is not judged.
 
-    At y = 0 many systems rest, and a shortcut for rest points may return other numbers, such as integers.
+    At y = 0 many systems rest, and a shortcut for rest points may return other numbers, such as
+    integers.
     """
     problem, y, h, dW = case.build()
     try:
@@ -236,7 +258,8 @@ def keeps_type(scheme: Scheme, case: Case) -> None:
 
 
 def _step_seconds(scheme: Scheme, case: Case) -> float | None:
-    """Measure the seconds for one state in a short step, in a batch of MANY if the scheme takes batches.
+    """Measure the seconds for one state in a short step,
+    in a batch of MANY if the scheme takes batches.
 
     Return None if the scheme refuses the step.
     """
@@ -256,10 +279,12 @@ def _step_seconds(scheme: Scheme, case: Case) -> float | None:
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Search for a fault. If none is found, repeat all cases in reverse order, and try steps without solution twice.
+    """Search for a fault. If none is found, repeat all cases in reverse order,
+    and try steps without solution twice.
 
-    Then repeat the step of the simplest case TIMES times, unless a stored counterexample already repeats its step. If a
-    new process can import the scheme, compare some steps with those of a second process.
+    Then repeat the step of the simplest case TIMES times, unless a stored counterexample already
+    repeats its step. If a new process can import the scheme, compare some steps with those of a
+    second process.
     """
     measured: list[tuple[Case, Array | None]] = []
 
@@ -287,7 +312,9 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 def _elsewhere(
     law: Law, scheme: Scheme, finding: Finding, cases: list[Case], second: SecondProcess
 ) -> Finding:
-    """Compare steps of some cases with those of a second process, which has another PYTHONHASHSEED."""
+    """Compare steps of some cases with those of a second process, which has another
+    PYTHONHASHSEED.
+    """
     chosen = [case for case in cases if not case.times and has_words(to_json(case))][:SECOND_PROCESS_CASES]
     answers = second.steps([to_json(case) for case in chosen])
     for case, there in zip(chosen, answers, strict=False):
@@ -310,7 +337,9 @@ def _elsewhere(
 def _repeated(
     law: Law, scheme: Scheme, this_run: Run, finding: Finding, measured: list[tuple[Case, Array | None]]
 ) -> Finding:
-    """Repeat all cases in reverse order, and try steps without solution twice; time a step if no fault is found."""
+    """Repeat all cases in reverse order, and try steps without solution twice;
+    time a step if no fault is found.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
         simplest = _simplest(scheme, [case for case, _ in measured])
@@ -331,7 +360,9 @@ def _repeated(
 
 
 def _refused(scheme: Scheme, seed: int) -> list[Case]:
-    """Make steps of (2.1) without a solution. Return [] for a scheme of given problems, or of a class without any."""
+    """Make steps of (2.1) without a solution. Return [] for a scheme of given problems,
+    or of a class without any.
+    """
     if scheme.systems not in CLASSES_WITH_FOLDS or scheme.problems:
         return []
     cases = (made(Random(f"{seed} {n}"), scheme.systems) for n in range(STEPS_WITHOUT_SOLUTION))

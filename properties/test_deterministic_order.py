@@ -1,8 +1,10 @@
-"""The order of a method without noise, c = (): order p means y1 = φ_h(y0) + O(h^(p+1)) with the exact flow φ.
+"""The order of a method without noise, c = (): order p means y1 = φ_h(y0) + O(h^(p+1))
+with the exact flow φ.
 
 The slope of the error of one step against h, in logarithms, is extrapolated to h = 0
-(`sepv.properties._orders.without_noise`). The law holds if for all problems and states the order is the claimed one or
-higher. For a scheme with memory it is the error of a path at a fixed time, divided by the number of steps.
+(`sepv.properties._orders.without_noise`). The law holds if for all problems and states the order is
+the claimed one or higher. For a scheme with memory it is the error of a path at a fixed time,
+divided by the number of steps.
 """
 
 from __future__ import annotations
@@ -29,7 +31,9 @@ from sepv.schemes import OF_SEVERAL, Scheme, has_memory
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - nothing is drawn
-    """Compare the least power of h in the error of a step with p + ½, for the claimed order p (1 without a claim)."""
+    """Compare the least power of h in the error of a step with p + ½,
+    for the claimed order p (1 without a claim).
+    """
     if scheme.asks or scheme.systems in OF_SEVERAL:
         why = "the scheme is for several fields, and y′ = B∇H has one"
         return law.finding(Verdict.NOT_APPLICABLE, message=why)
@@ -89,7 +93,8 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - n
     )  # fmt: skip
 
 
-# The first of these verdicts decides: an inconclusive state counts only if no other state of its problem decides.
+# The first of these verdicts decides: an inconclusive state counts only if no other state of its
+# problem decides.
 _OF_STATES = (Verdict.VIOLATED, Verdict.HOLDS, Verdict.INCONCLUSIVE)
 _OF_PROBLEMS = (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.HOLDS)
 
@@ -100,7 +105,9 @@ def _first(order: Order, ranks: tuple[Verdict, ...]) -> tuple[int, float]:
 
 
 def _first_step_is_right(scheme: Scheme, problem: Problem, least: float) -> bool:
-    """True if the errors of the first step of a path fall like the power `least` of h, from every state."""
+    """True if the errors of the first step of a path fall like the power `least` of h,
+    from every state.
+    """
     first = step_errors(scheme, problem)
     return first.h.size >= 4 and all(o.verdict is Verdict.HOLDS for o in orders(scheme, first, least))
 

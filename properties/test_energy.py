@@ -1,6 +1,8 @@
-"""Proposition 3.1 of Cohen and Dujardin (2014): H(y1) = H(y0) for every skew B, polynomial H and step of a path.
+"""Proposition 3.1 of Cohen and Dujardin (2014): H(y1) = H(y0) for every skew B,
+polynomial H and step of a path.
 
-The last step of a tested path has no noise (ΔW = 0), because a scheme may have separate code for this case.
+The last step of a tested path has no noise (ΔW = 0), because a scheme may have separate code for
+this case.
 """
 
 from __future__ import annotations
@@ -32,10 +34,12 @@ STEPS = 3
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the largest defect of H over a few steps, evaluated at the binary64 states in extended precision.
+    """Measure the largest defect of H over a few steps,
+    evaluated at the binary64 states in extended precision.
 
-    The bound follows from the step's residual alone, whether or not its equation is a contraction. So long steps are
-    tested too: those of `sepv.properties._long_steps` and simplified ones. A scheme may refuse long steps.
+    The bound follows from the step's residual alone, whether or not its equation is a contraction.
+    So long steps are tested too: those of `sepv.properties._long_steps` and simplified ones. A
+    scheme may refuse long steps.
     """
     problem, y, h, increments = case.build()
     exact = exact_problem(case.problem, 40)

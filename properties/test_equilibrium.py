@@ -1,12 +1,14 @@
-"""For friction with a quadratic V the stationary mean and covariance of a scheme differ from the exact ones by O(h^q).
+"""For friction with a quadratic V the stationary mean and covariance of a scheme differ from the
+exact ones by O(h^q).
 
-q is the claimed weak order, 1 without a claim (D. Talay, Stochastics and Stochastics Reports 29, 1990). Both
-distributions are computed and not sampled (`sepv.properties._stationary`).
+q is the claimed weak order, 1 without a claim (D. Talay, Stochastics and Stochastics Reports 29,
+1990). Both distributions are computed and not sampled (`sepv.properties._stationary`).
 
-The part *positions* asks for the exact covariance of q, for every stable step h. This is known of BAOAB (B. Leimkuhler
-and C. Matthews, Appl. Math. Res. Express 2013) and of the method of N. Grønbech-Jensen and O. Farago (Mol. Phys. 111,
-2013): ⟨q²⟩ = kT/ω² for V = ½ω²q², where ⟨p²⟩ = kT(1 − ¼h²ω²). A wrong factor of the noise, such as e^{−γh/2}σ in place
-of √((1 − e^{−2γh})/(2γh))σ, has the right order of h in all moments, and breaks this part.
+The part *positions* asks for the exact covariance of q, for every stable step h. This is known of
+BAOAB (B. Leimkuhler and C. Matthews, Appl. Math. Res. Express 2013) and of the method of N.
+Grønbech-Jensen and O. Farago (Mol. Phys. 111, 2013): ⟨q²⟩ = kT/ω² for V = ½ω²q², where ⟨p²⟩ = kT(1
+− ¼h²ω²). A wrong factor of the noise, such as e^{−γh/2}σ in place of √((1 − e^{−2γh})/(2γh))σ, has
+the right order of h in all moments, and breaks this part.
 """
 
 from __future__ import annotations
@@ -28,9 +30,11 @@ from sepv.problem import Array, Problem, mechanics
 from sepv.record import EPS
 from sepv.schemes import Scheme, order_of
 
-# Step sizes in units of 1/|λ| for the fastest eigenvalue λ of the drift. Coarser ones are unstable for some schemes.
+# Step sizes in units of 1/|λ| for the fastest eigenvalue λ of the drift. Coarser ones are unstable
+# for some schemes.
 SIZES = 2.0 ** -np.arange(0.0, 9.0)
-# Sizes at which the covariance of q is compared. An order is measured at all of SIZES but the first.
+# Sizes at which the covariance of q is compared. An order is measured at all of SIZES but the
+# first.
 SIZES_OF_POSITIONS = SIZES[[0, 1, 3]]
 # Half of the distance of orders: the error is a series in whole powers of h.
 MARGIN = 0.5
@@ -40,7 +44,8 @@ CLEAR = 16.0
 
 @dataclass(frozen=True)
 class Balance:
-    """A problem, its stationary distribution, and those of the scheme for the step sizes that have one.
+    """A problem, its stationary distribution, and those of the scheme for the step sizes that have
+    one.
 
     `why` says why the last of the others has none.
     """
@@ -53,7 +58,9 @@ class Balance:
 
 
 def balances(scheme: Scheme, seed: int, sizes: Array) -> list[Balance]:
-    """The stationary distributions of a scheme and of the exact solution, for each problem with a quadratic V."""
+    """The stationary distributions of a scheme and of the exact solution,
+    for each problem with a quadratic V.
+    """
     taken = []
     for problem, wanted in balanced(scheme, seed):
         # All are shorter for a scheme that states a longest step.
@@ -84,12 +91,16 @@ def run(
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """Run the law again with the seed of a witness (a stored counterexample), so that it draws the same bodies."""
+    """Run the law again with the seed of a witness (a stored counterexample),
+    so that it draws the same bodies.
+    """
     return law.run(law, scheme, Run(Effort(seed=int(witness["seed"]))))
 
 
 def error(found: Stationary, wanted: Stationary) -> float:
-    """The largest error of a mean, and of a covariance, in standard deviations of the exact distribution."""
+    """The largest error of a mean, and of a covariance,
+    in standard deviations of the exact distribution.
+    """
     sizes = np.sqrt(np.diag(wanted.covariance))
     off = (found.covariance - wanted.covariance) / np.outer(sizes, sizes)
     return float(max(np.max(np.abs(off)), np.max(np.abs((found.mean - wanted.mean) / sizes))))
@@ -143,7 +154,9 @@ def _row(values: Array) -> str:
 
 
 def of_positions(law: Law, scheme: Scheme, taken: list[Balance]) -> Finding:  # noqa: ARG001 - as of order
-    """Compare the covariances of q: defect and bound are in eps, for entries in standard deviations."""
+    """Compare the covariances of q: defect and bound are in eps,
+    for entries in standard deviations.
+    """
     asked = list[tuple[Measurement, float]]()
     for problem, wanted, steps in ((each.problem, each.wanted, each.found) for each in taken):
         q = positions(problem)
@@ -170,7 +183,9 @@ def of_positions(law: Law, scheme: Scheme, taken: list[Balance]) -> Finding:  # 
 
 
 def positions(problem: Problem) -> np.ndarray | None:
-    """The numbers of the positions among the components of y; None if the problem is not mechanical."""
+    """The numbers of the positions among the components of y;
+    None if the problem is not mechanical.
+    """
     try:
         return np.asarray(mechanics(problem).split(np.arange(1.0 * problem.dimension))[0], dtype=np.intp)
     except UsageError:

@@ -1,4 +1,6 @@
-"""Affine covariance of (2.1): the change of variables z = Py + b, with PBPᵀ in place of B, commutes with the step."""
+"""Affine covariance of (2.1): the change of variables z = Py + b, with PBPᵀ in place of B,
+commutes with the step.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +17,11 @@ from sepv.schemes import Scheme, ask
 
 
 def transformations(y: Array) -> list[tuple[str, Array, Array, Array]]:
-    """Return (name, P, P⁻¹, b) of dyadic maps Py + b: axes reversed with a sign, a scaling, a shear, translations.
+    """Return (name, P, P⁻¹, b) of dyadic maps Py + b: axes reversed with a sign, a scaling,
+    a shear, translations.
 
-    Translations b are as long as y, because longer ones make H in the new variables a sum of large terms that cancel.
+    Translations b are as long as y, because longer ones make H in the new variables a sum of large
+    terms that cancel.
     """
     d, size = len(y), float(np.max(np.abs(y)))
     reversal = np.eye(d)[::-1].copy()
@@ -43,7 +47,9 @@ def transformations(y: Array) -> list[tuple[str, Array, Array, Array]]:
 
 
 def inverse_map(rows: Array, b: Array) -> list[Polynomial]:
-    """Return the components of Q(z − b), as polynomials in z, for the matrix Q with the given rows."""
+    """Return the components of Q(z − b), as polynomials in z, for the matrix Q with the given
+    rows.
+    """
     d = len(b)
     return [
         poly.add(
@@ -55,7 +61,9 @@ def inverse_map(rows: Array, b: Array) -> list[Polynomial]:
 
 
 def substitute(p: Polynomial, forms: list[Polynomial]) -> Polynomial:
-    """Substitute linear `forms` for the variables of p: exact for small dyadic coefficients, else with rounding."""
+    """Substitute linear `forms` for the variables of p: exact for small dyadic coefficients,
+    else with rounding.
+    """
     products = [poly.polynomial(p.dimension, {})]
     for exponents, coefficient in p.terms:
         term = poly.constant(p.dimension, coefficient)
@@ -71,7 +79,8 @@ def transformed(system: PolynomialSystem, P: Array, inverse: Array, b: Array) ->
     d, forms = system.dimension, inverse_map(inverse, b)
     H = substitute(system.hamiltonian, forms)
     if system.nambu is not None:
-        # With hat(c)v = v × c, P hat(c) Pᵀ = det(P) hat(P⁻ᵀc): det(P) multiplies g, and C is transformed like H.
+        # With hat(c)v = v × c, P hat(c) Pᵀ = det(P) hat(P⁻ᵀc): det(P) multiplies g, and C is
+        # transformed like H.
         g, C = (substitute(p, forms) for p in system.nambu)
         return nambu_system(H, poly.scale(float(round(np.linalg.det(P))), g), C, system.noise)
     B, *G = (_congruent(d, part, P, forms) for part in (system.structure, *system.noise_structures))
@@ -85,7 +94,9 @@ def transformed(system: PolynomialSystem, P: Array, inverse: Array, b: Array) ->
 def _congruent(
     d: int, structure: tuple[tuple[int, int, Polynomial], ...], P: Array, forms: list[Polynomial]
 ) -> tuple[tuple[int, int, Polynomial], ...]:
-    """Return the entries of P B Pᵀ above the diagonal, with the forms substituted for the variables of B."""
+    """Return the entries of P B Pᵀ above the diagonal,
+    with the forms substituted for the variables of B.
+    """
     old = [(i, j, substitute(entry, forms)) for i, j, entry in structure]
     rows = P.tolist()
     entries = []
@@ -100,13 +111,15 @@ def _congruent(
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure |Φ_z(Py + b) − PΦ_y(y) − b|, where Φ_y and Φ_z are short steps of the system in y and in z = Py + b.
+    """Measure |Φ_z(Py + b) − PΦ_y(y) − b|, where Φ_y and Φ_z are short steps of the system in y and
+    in z = Py + b.
 
-    Both equations are contractions with factor κ. So a residual r causes an error of at most r/(1 − κ) in the largest
-    component, and |P|_∞ multiplies the error of y1.
-    Py + b is rounded at most twice in each component, before the step and after it. A step multiplies the rounding
-    before it by at most ‖∂z1/∂z0‖ ≤ (1 + κ)/(1 − κ). A scheme that does not claim *random-step* may compute an Itô
-    correction. Its rounding is added to the bound, because H in the new variables has terms that cancel.
+    Both equations are contractions with factor κ. So a residual r causes an error of at most r/(1
+    − κ) in the largest component, and |P|_∞ multiplies the error of y1. Py + b is rounded at most
+    twice in each component, before the step and after it. A step multiplies the rounding before it
+    by at most ‖∂z1/∂z0‖ ≤ (1 + κ)/(1 − κ). A scheme that does not claim *random-step* may compute
+    an Itô correction. Its rounding is added to the bound, because H in the new variables has terms
+    that cancel.
     """
     problem, y, h, dW = case.build()
     assert isinstance(case.problem, PolynomialSystem)

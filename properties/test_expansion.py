@@ -1,11 +1,12 @@
 """Lemma 3.2: y1 − y0 = aΔ + bΔ² + O(Δ³) with the random step Δ, f = B∇H, a = f and b = f′f/2.
 
-If a scheme has mean-square order p > 1, it agrees with the flow up to Δ^2p, so that the local error is O(h^{p+1}) in
-the mean and O(h^{p+1/2}) in the root mean square. So the coefficients of Δ³ … Δ^2p are measured too, up to Δ⁸.
+If a scheme has mean-square order p > 1, it agrees with the flow up to Δ^2p, so that the local error
+is O(h^{p+1}) in the mean and O(h^{p+1/2}) in the root mean square. So the coefficients of Δ³ … Δ^2p
+are measured too, up to Δ⁸.
 
-All cases have y0 = 0. If y0 had size 1, y1 would have a rounding error of eps, and b an error of eps/Δ². With y0 = 0,
-y1 itself is the increment, with relative precision eps, so that b has an error of eps/Δ. The polynomial systems have
-all the terms that f(0) and f′(0) need.
+All cases have y0 = 0. If y0 had size 1, y1 would have a rounding error of eps, and b an error of
+eps/Δ². With y0 = 0, y1 itself is the increment, with relative precision eps, so that b has an error
+of eps/Δ. The polynomial systems have all the terms that f(0) and f′(0) need.
 """
 
 from __future__ import annotations
@@ -38,8 +39,9 @@ from sepv.problem import (
 from sepv.record import TINY
 from sepv.schemes import Scheme, ask
 
-# The number of nodes of the interpolation, and the last power of Δ whose coefficient is judged. With 24 or more nodes
-# in |Δ| ≤ ϱ/2, the coefficient of Δ⁸ has an error of 2e-6 r/ϱ⁸ (r, ϱ: see `_on`), and is 1e-7 to 1e-2 of r/ϱ⁸.
+# The number of nodes of the interpolation, and the last power of Δ whose coefficient is judged.
+# With 24 or more nodes in |Δ| ≤ ϱ/2, the coefficient of Δ⁸ has an error of 2e-6 r/ϱ⁸ (r, ϱ: see
+# `_on`), and is 1e-7 to 1e-2 of r/ϱ⁸.
 NODES, LAST = 24, 8
 
 
@@ -48,11 +50,13 @@ Arguments = Callable[[float], tuple[float, Array]]
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the coefficients from steps with h > 0. If some are wrong, measure them along two lines of (h, ΔW) too.
+    """Measure the coefficients from steps with h > 0. If some are wrong,
+    measure them along two lines of (h, ΔW) too.
 
-    The steps with −Δ have the same h and another ΔW. If a scheme treats h and ΔW apart, its error may then be c|Δ|⁵,
-    which is not analytic. The error is analytic on each line through (0, 0). One line has the steps with Δ, the other
-    those with −Δ. The law holds if the coefficients are right on both lines.
+    The steps with −Δ have the same h and another ΔW. If a scheme treats h and ΔW apart, its error
+    may then be c|Δ|⁵, which is not analytic. The error is analytic on each line through (0, 0). One
+    line has the steps with Δ, the other those with −Δ. The law holds if the coefficients are right
+    on both lines.
     """
     problem, _, h, dW = case.build()
     if is_several(problem):  # no noise reverses the drift: h changes its sign too
@@ -71,13 +75,15 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def _on(scheme: Scheme, case: Case, arguments: Arguments) -> Measurement:
-    """Measure a and b of y1 = aΔ + bΔ² + c3Δ³ + … from steps with ±Δ and ±Δ/2, by parity and extrapolation.
+    """Measure a and b of y1 = aΔ + bΔ² + c3Δ³ + … from steps with ±Δ and ±Δ/2,
+    by parity and extrapolation.
 
-    Here y0 = 0. Let ϱ be the contraction radius. For |Δ| ≤ ϱ, y1(Δ) is analytic and |y1| ≤ r, so that |c_k| ≤ r/ϱ^k
-    (Cauchy). The odd part over Δ is a + c3Δ² + c5Δ⁴ + …, the even part over Δ² is b + c4Δ² + c6Δ⁴ + …. One Richardson
-    step removes the terms in Δ². With x = Δ/ϱ, at most (r/ϱ)x⁴/(1 − x²) remains in a and (r/ϱ²)x⁴/(1 − x²) in b. A
-    step's rounding is multiplied by at most 4/Δ in a and 16/Δ² in b (weights 4/3 and 1/3 at Δ/2 and Δ). If h stays
-    positive and ΔW sets the sign of Δ, a scheme that weighs h and ΔW differently is detected.
+    Here y0 = 0. Let ϱ be the contraction radius. For |Δ| ≤ ϱ, y1(Δ) is analytic and |y1| ≤ r, so
+    that |c_k| ≤ r/ϱ^k (Cauchy). The odd part over Δ is a + c3Δ² + c5Δ⁴ + …, the even part over Δ²
+    is b + c4Δ² + c6Δ⁴ + …. One Richardson step removes the terms in Δ². With x = Δ/ϱ, at most
+    (r/ϱ)x⁴/(1 − x²) remains in a and (r/ϱ²)x⁴/(1 − x²) in b. A step's rounding is multiplied by at
+    most 4/Δ in a and 16/Δ² in b (weights 4/3 and 1/3 at Δ/2 and Δ). If h stays positive and ΔW sets
+    the sign of Δ, a scheme that weighs h and ΔW differently is detected.
     """
     problem, y, h, dW = case.build()
     radius, r = contraction_ball(problem, y)
@@ -95,7 +101,8 @@ def _on(scheme: Scheme, case: Case, arguments: Arguments) -> Measurement:
             rounding = max(rounding, float(residual.max()))
     x = delta / radius
     tail = x**4 / (1 - x * x)
-    # Units are r/ϱ^k, from the largest field r/ϱ that the ball allows, because the field may vanish at y0.
+    # Units are r/ϱ^k, from the largest field r/ϱ that the ball allows, because the field may vanish
+    # at y0.
     measurements = []
     for name, power, parity, expected in (
         ("a = f", 1, -1.0, vector_field(field, y)),
@@ -114,16 +121,20 @@ def _on(scheme: Scheme, case: Case, arguments: Arguments) -> Measurement:
 
 
 def turned(problem: Problem, h: float, dW: Array) -> Array:
-    """Return increments that give −Δ with the same h: all are negated, and then c_1ΔW_1 is reduced by 2h."""
+    """Return increments that give −Δ with the same h: all are negated,
+    and then c_1ΔW_1 is reduced by 2h.
+    """
     noise = -dW
     noise[0] -= 2 * h / problem.c[0]
     return noise
 
 
 def frozen(problem: Problem, h: float, dW: Array) -> tuple[Problem, float]:
-    """Combine several structures, for fixed increments, into one system (1.1); return it and Δ = |h| + Σ|c_j ΔW_j|.
+    """Combine several structures, for fixed increments, into one system (1.1);
+    return it and Δ = |h| + Σ|c_j ΔW_j|.
 
-    Several Hamiltonians become one system with the structure B and the Hamiltonian (hH_0 + Σ c_j ΔW_j H_j)/Δ.
+    Several Hamiltonians become one system with the structure B and the Hamiltonian (hH_0 + Σ c_j
+    ΔW_j H_j)/Δ.
     """
     parts = np.array([h, *(problem.c * dW)])
     length = float(np.abs(parts).sum())
@@ -160,11 +171,13 @@ def frozen(problem: Problem, h: float, dW: Array) -> tuple[Problem, float]:
 def higher_coefficients(
     scheme: Scheme, case: Case, radius: float, r: float, arguments: Arguments
 ) -> list[Measurement]:
-    """Compare the coefficients of Δ³ … Δ^2p with those of the flow, for a scheme that claims mean-square order p.
+    """Compare the coefficients of Δ³ … Δ^2p with those of the flow,
+    for a scheme that claims mean-square order p.
 
-    `radius` is ϱ, half the contraction radius, which allows for Lebesgue constants of stages (≤ 1.7 for six stages).
-    c_k is computed as Σ_j w_kj y1(Δ_j) from values at Chebyshev points, exactly for polynomials without constant term.
-    Its error is bounded by the rest of the series, |c_m| ≤ r/ϱ^m (Cauchy), and by the rounding of each value.
+    `radius` is ϱ, half the contraction radius, which allows for Lebesgue constants of stages (≤ 1.7
+    for six stages). c_k is computed as Σ_j w_kj y1(Δ_j) from values at Chebyshev points, exactly
+    for polynomials without constant term. Its error is bounded by the rest of the series, |c_m|
+    ≤ r/ϱ^m (Cauchy), and by the rounding of each value.
     """
     last = min(LAST, round(2 * (scheme.mean_square_order or 1.0)))
     if last < 3:
@@ -195,7 +208,9 @@ def higher_coefficients(
 
 @lru_cache(maxsize=1)
 def interpolation() -> tuple[Array, Array, Array]:
-    """Return Chebyshev points x_j (n,), weights w_kj (k, n) for coefficients, and Σ_{m>n} |Σ_j w_kj x_j^m| (k,)."""
+    """Return Chebyshev points x_j (n,), weights w_kj (k, n) for coefficients,
+    and Σ_{m>n} |Σ_j w_kj x_j^m| (k,).
+    """
     ctx = mpmath.mp.clone()
     ctx.dps = 50
     n = NODES
@@ -210,7 +225,9 @@ def interpolation() -> tuple[Array, Array, Array]:
 
 
 def admits(case: Case) -> bool:
-    """True if y0 = 0, c_1 = 1, h > 0, and h + Σ|c_jΔW_j| is at most 2·ORIGIN_SHARE of the contraction radius."""
+    """True if y0 = 0, c_1 = 1, h > 0, and h + Σ|c_jΔW_j| is at most 2·ORIGIN_SHARE of the
+    contraction radius.
+    """
     if not isinstance(case.problem, PolynomialSystem):
         return False
     problem, y, h, dW = case.build()

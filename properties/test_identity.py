@@ -1,4 +1,6 @@
-"""If the random step Δ = h + Σ c_jΔW_j is 0, or if ∇H(y0) = 0, then y1 = y0 exactly: both follow from (2.1)."""
+"""If the random step Δ = h + Σ c_jΔW_j is 0, or if ∇H(y0) = 0, then y1 = y0 exactly:
+both follow from (2.1).
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,11 @@ PENDULUM_AT_REST = Case(NamedProblem("pendulum", (("noise", (1.0, 0.5)),)), (0.0
 
 
 def unmoved(case: Case) -> Case:
-    """Make Δ = 0 exactly, by h = c_1 2^n and ΔW_1 = −2^n or by h = 0; a case with ∇H(y0) = 0 stays unchanged.
+    """Make Δ = 0 exactly, by h = c_1 2^n and ΔW_1 = −2^n or by h = 0;
+    a case with ∇H(y0) = 0 stays unchanged.
 
-    If the noises have structures or Hamiltonians of their own, no noise cancels h: then h and all ΔW_j are set to 0.
+    If the noises have structures or Hamiltonians of their own, no noise cancels h: then h and all
+    ΔW_j are set to 0.
     """
     problem, y, h, dW = case.build()
     c, others = problem.c, problem.noise_gradients if isinstance(problem, HamiltoniansProblem) else ()
@@ -49,11 +53,13 @@ law = searched(
     unit="ulp of y",
     cost=0.4,
     steps=74,
-    # y1 = y0 + a(y0 − y−1) + …: BDF2, for example, has (4y0 − y−1)/3, which is y0 up to rounding if both are equal.
+    # y1 = y0 + a(y0 − y−1) + …: BDF2, for example, has (4y0 − y−1)/3, which is y0 up to rounding if
+    # both are equal.
     middle="a multistep method with Δ = 0 goes on from differences of earlier states, or rounds their sum",
     cases=Cases(
         where={"state": ("anywhere", "∇H = 0")},
-        # Most faults depend on Δ: neither steps with ∇H(y0) = 0 nor steps with h = 0 and no noise show them.
+        # Most faults depend on Δ: neither steps with ∇H(y0) = 0 nor steps with h = 0 and no noise
+        # show them.
         blind={"state": ("∇H = 0",), "m": ("0",)},
         adapt=unmoved,
         fixed={Systems.SINGLE: lambda: (PENDULUM_AT_REST,)},

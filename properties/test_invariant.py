@@ -1,9 +1,11 @@
-"""A step changes a function I with LI = σ − λI as the exact flow does, or in the mean, where L is the generator.
+"""A step changes a function I with LI = σ − λI as the exact flow does, or in the mean,
+where L is the generator.
 
-If no noise moves I, then I(y1) = e^(−λh) I(y0) + σ(1 − e^(−λh))/λ on each path, and I(y1) = I(y0) for σ = λ = 0.
-Otherwise this is true of the mean E[I(y1)], which a quadrature over the increments gives
-(`sepv.properties._trace_formula`). The law is about the functions that a problem states (`Problem.invariants`). Its
-parts are about those that the classes of systems state, H and Casimirs (`sepv.properties._stated_functions`).
+If no noise moves I, then I(y1) = e^(−λh) I(y0) + σ(1 − e^(−λh))/λ on each path, and I(y1) = I(y0)
+for σ = λ = 0. Otherwise this is true of the mean E[I(y1)], which a quadrature over the increments
+gives (`sepv.properties._trace_formula`). The law is about the functions that a problem states
+(`Problem.invariants`). Its parts are about those that the classes of systems state, H and Casimirs
+(`sepv.properties._stated_functions`).
 """
 
 from __future__ import annotations
@@ -46,7 +48,8 @@ from sepv.schemes import Scheme, ask
 DIGITS = 40
 # The most steps of a quadrature for a scheme that takes one state a call: 76 s for steps of 76 ms.
 MOST_NODES = 1000
-# The number of fixed systems of dimension 4 and 5 on which each scheme for (1.1) is tested, with every seed.
+# The number of fixed systems of dimension 4 and 5 on which each scheme for (1.1) is tested, with
+# every seed.
 SYSTEMS = 12
 NONE_STATED = "no problem states a function: Problem(…, invariants={'momentum': lambda y: …}), then -p NAME"
 # Schemes for these classes may rely on ∇C = 2Ay or b of their Casimirs.
@@ -58,7 +61,8 @@ Functions = Callable[[Case], list[Stated]]
 
 
 def about(functions: Functions) -> Adapt:
-    """Keep a case with such functions. Half of the cases become those of a mean if noise moves a function.
+    """Keep a case with such functions. Half of the cases become those of a mean if noise moves a
+    function.
 
     Cases of a mean have dW = 0 and a step as long as `short` allows.
     """
@@ -97,7 +101,9 @@ def check_casimir(scheme: Scheme, case: Case) -> Measurement:
 
 
 def furthest(scheme: Scheme, case: Case, functions: list[Stated]) -> Measurement:
-    """Measure the function I whose value, or mean, is furthest from the right one, relative to its bound."""
+    """Measure the function I whose value, or mean, is furthest from the right one,
+    relative to its bound.
+    """
     problem, y, h, dW = case.build()
     measurements = []
     if paths := [I for I in functions if not I.relation.moved]:
@@ -112,7 +118,8 @@ def furthest(scheme: Scheme, case: Case, functions: list[Stated]) -> Measurement
 
 
 def affordable(scheme: Scheme, case: Case) -> Case:
-    """Leave out the last noises of a mean until it needs at most MOST_NODES steps of a scheme that takes single states.
+    """Leave out the last noises of a mean until it needs at most MOST_NODES steps of a scheme that
+    takes single states.
 
     With Lévy areas of 20 noises a mean needs 33,600 steps.
     """
@@ -128,7 +135,8 @@ def affordable(scheme: Scheme, case: Case) -> Case:
 def residual(scheme: Scheme, problem: Problem, y: Array, y1: Array, h: float, dW: Array) -> Array:
     """Twice a bound (d,) of the step's residual: a step may evaluate an averaged ∇I as well as ∇H.
 
-    Twice the residual also covers LI, which is σ − λI up to a few roundings of its terms (`sepv.problem`).
+    Twice the residual also covers LI, which is σ − λI up to a few roundings of its terms
+    (`sepv.problem`).
     """
     if damping_of(problem):
         return 2 * damped_residual(scheme, problem, y, y1, h, dW)
@@ -136,10 +144,11 @@ def residual(scheme: Scheme, problem: Problem, y: Array, y1: Array, h: float, dW
 
 
 def on_path(problem: Problem, function: Stated, y: Array, y1: Array, h: float, r: Array) -> Measurement:
-    """Measure I(y1) − e^(−λh) I(y0) − σ(1 − e^(−λh))/λ with DIGITS digits; the bound is Σ_i |∂_iI| r_i on the segment.
+    """Measure I(y1) − e^(−λh) I(y0) − σ(1 − e^(−λh))/λ with DIGITS digits;
+    the bound is Σ_i |∂_iI| r_i on the segment.
 
-    Damping moves the state by the factor e^(−γh/2) before and after the step that has the residual r, so the box of the
-    segment is enlarged by the largest such change.
+    Damping moves the state by the factor e^(−γh/2) before and after the step that has the residual
+    r, so the box of the segment is enlarged by the largest such change.
     """
     name, I, slope, curve, known = function
     ctx, exact = context(DIGITS), in_many_digits(I, problem.dimension, DIGITS)
@@ -164,14 +173,14 @@ def on_path(problem: Problem, function: Stated, y: Array, y1: Array, h: float, r
 def in_mean(scheme: Scheme, case: Case, function: Stated) -> Measurement:
     """Measure the mean of I by a quadrature, as far as its number of steps is affordable.
 
-    A step may leave the box of y0 and y1, because noises of parts of it may cancel. No state of a step is taken to be
-    further from y0 than twice the farthest y1 of the rule.
+    A step may leave the box of y0 and y1, because noises of parts of it may cancel. No state of a
+    step is taken to be further from y0 than twice the farthest y1 of the rule.
 
     Raises
     ------
     Skipped
-        If the scheme clips its increments, and the mean would need more of them than E[ζ²]: if λ ≠ 0, or if the drift
-        moves I.
+        If the scheme clips its increments, and the mean would need more of them than E[ζ²]: if λ ≠
+        0, or if the drift moves I.
     """
     problem, y, h, _ = case.build()
     name, known, own = function.name, function.relation, scheme
@@ -188,7 +197,9 @@ def in_mean(scheme: Scheme, case: Case, function: Stated) -> Measurement:
 
 
 def quantity(function: Stated, y: Array) -> Quantity:
-    """The function, with the bound of its change by a residual and with its unit at y, for the trace formula."""
+    """The function, with the bound of its change by a residual and with its unit at y,
+    for the trace formula.
+    """
     name, I, slope, curve, known = function
 
     def moved(y0: Array, y1: Array, r: Array) -> Array:
@@ -208,13 +219,17 @@ def unit_of(slope: Function, *states: Array) -> float:
 
 
 def beyond_three() -> Iterable[Case]:
-    """Make steps of at least half the contraction radius for systems (1.1) with d = 4 or 5 and d − 2 given Casimirs."""
+    """Make steps of at least half the contraction radius for systems (1.1)
+    with d = 4 or 5 and d − 2 given Casimirs.
+    """
     made = (_step(Random(seed), 4 + seed % 2) for seed in range(4 * SYSTEMS))
     return [case for case in made if case is not None][:SYSTEMS]
 
 
 def of_casimirs(d: int, random: Random) -> PolynomialSystem:
-    """A system (1.1) with d − 2 Casimirs C_1, … of degree one to four, not all quadratic: B_ij = Σ ε_ijk… ∂_kC_1 …."""
+    """A system (1.1) with d − 2 Casimirs C_1, … of degree one to four, not all quadratic:
+    B_ij = Σ ε_ijk… ∂_kC_1 ….
+    """
     own = [some.polynomial(d, 1, 4, 4, random) for _ in range(d - 3)]
     own.append(some.polynomial(d, 3, 4, 4, random))
     B = some.contracted(d, [list(poly.gradient(C)) for C in own], random)
@@ -230,7 +245,8 @@ def _step(random: Random, d: int) -> Case | None:
 
 
 def by_degree() -> Iterator[Case]:
-    """Long steps for H = ½p² + aq^n, y = (p, q), with additive noise on p. Random cases seldom have such long steps.
+    """Long steps for H = ½p² + aq^n, y = (p, q), with additive noise on p.
+    Random cases seldom have such long steps.
 
     The noise is weak, because a strong noise would shorten the step.
     """

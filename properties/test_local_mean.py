@@ -1,4 +1,6 @@
-"""Estimate (3.8): the mean error of one step is O(h^(p+1)) for a claimed mean-square order p, by quadrature over ΔW."""
+"""Estimate (3.8): the mean error of one step is O(h^(p+1)) for a claimed mean-square order p,
+by quadrature over ΔW.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from sepv.schemes import Scheme
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Compare the mean error's slope for one step with the claimed order (default: 1, ½ for noncommuting noises)."""
+    """Compare the mean error's slope for one step with the claimed order (default: 1, ½ for
+    noncommuting noises).
+    """
     return judge(
         law,
         scheme,

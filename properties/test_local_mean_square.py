@@ -1,7 +1,9 @@
-"""Estimate (3.9): the rms error of one step is O(h^(p+1/2)) for a claimed mean-square order p, by quadrature over ΔW.
+"""Estimate (3.9): the rms error of one step is O(h^(p+1/2)) for a claimed mean-square order p,
+by quadrature over ΔW.
 
-The slope is measured at step sizes at which it is asymptotic. Further step sizes h are drawn from the whole range, with
-noises of several sizes. At these h no error may be of a lower order (`sepv.properties._orders.any_step`).
+The slope is measured at step sizes at which it is asymptotic. Further step sizes h are drawn from
+the whole range, with noises of several sizes. At these h no error may be of a lower order
+(`sepv.properties._orders.any_step`).
 """
 
 from __future__ import annotations
@@ -20,7 +22,9 @@ from sepv.schemes import Scheme, Systems, order_of
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Compare the rms error's slope, at random h too, with the claimed order (default 1, ½ for noncommuting noises)."""
+    """Compare the rms error's slope, at random h too, with the claimed order (default 1, ½ for
+    noncommuting noises).
+    """
     claimed = scheme.mean_square_order
 
     def needs(_: LocalErrors, order: float) -> float:
@@ -53,7 +57,9 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """Run the law again with the seed of a witness (a stored counterexample), so that it draws the same steps."""
+    """Run the law again with the seed of a witness (a stored counterexample),
+    so that it draws the same steps.
+    """
     return run(law, scheme, Run(Effort(seed=int(witness.get("seed", 0)))))
 
 

@@ -1,7 +1,7 @@
 """The weak error of one step is O(h^(q+1)) for a claimed weak order q, by quadrature over ΔW.
 
-Test functions are polynomials of degree 1, …, 2q + 1 in y − y0, as in G. N. Milstein, Numerical Integration of
-Stochastic Differential Equations (1995), §9.
+Test functions are polynomials of degree 1, …, 2q + 1 in y − y0, as in G. N. Milstein, Numerical
+Integration of Stochastic Differential Equations (1995), §9.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ from sepv.schemes import Scheme, order_of
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Compare the slope of the weak error of one step with the claimed weak order (1 without a claim)."""
+    """Compare the slope of the weak error of one step with the claimed weak order (1 without a
+    claim).
+    """
     return judge(
         law,
         scheme,

@@ -1,14 +1,17 @@
-"""Without noise, a symplectic or reversible method of order p has |H(y_n) − H(y_0)| = O(h^p) without growth in n.
+"""Without noise, a symplectic or reversible method of order p has |H(y_n) − H(y_0)| = O(h^p)
+without growth in n.
 
-If H is analytic, the states stay in a compact set and h is small, a symplectic method keeps a modified Hamiltonian for
-times of the order exp(c/h); a symmetric reversible method on an integrable reversible system with diophantine
-frequencies keeps H to O(h^p) for times of the order h^(−p) (E. Hairer, C. Lubich and G. Wanner, *Geometric Numerical
-Integration*, IX.8 and XI.3). The law tests it on orbits to
-which this theory applies (`sepv.properties._orders.integrable`). `sepv.properties._orders.long_times` judges two
-statements. First, there is no trend: the mean energy over a window of time moves by no more than the oscillation that
-such a mean may still contain. Second, the oscillation falls like h^p.
+If H is analytic, the states stay in a compact set and h is small, a symplectic method keeps a
+modified Hamiltonian for times of the order exp(c/h); a symmetric reversible method on an integrable
+reversible system with diophantine frequencies keeps H to O(h^p) for times of the order h^(−p) (E.
+Hairer, C. Lubich and G. Wanner, *Geometric Numerical Integration*, IX.8 and XI.3). The law tests it
+on orbits to which this theory applies (`sepv.properties._orders.integrable`).
+`sepv.properties._orders.long_times` judges two statements. First, there is no trend: the mean
+energy over a window of time moves by no more than the oscillation that such a mean may still
+contain. Second, the oscillation falls like h^p.
 
-Claims of *poisson-map:constant* and of an order do not imply this law. A scheme without claims is measured too.
+Claims of *poisson-map:constant* and of an order do not imply this law. A scheme without claims is
+measured too.
 """
 
 from __future__ import annotations
@@ -29,9 +32,11 @@ from sepv.law.cases.users_problems import items
 from sepv.problem import Systems, damping_of, is_several
 from sepv.schemes import OF_SEVERAL, Scheme, takes
 
-# The number of paths on an orbit, for a confidence interval of the growth. A scheme without batches gets fewer.
+# The number of paths on an orbit, for a confidence interval of the growth. A scheme without batches
+# gets fewer.
 PATHS, SPARED_PATHS = 8, 4
-# With at least DEEP_EXAMPLES examples (option `--deep`), the means of the energy are DEEPER times as far apart.
+# With at least DEEP_EXAMPLES examples (option `--deep`), the means of the energy are DEEPER times
+# as far apart.
 DEEPER, DEEP_EXAMPLES = 8, 1000
 # The largest number of halvings of the step size for a scheme that states a longest step.
 HALVINGS_MAX = 3
@@ -39,7 +44,9 @@ _RANKS = (Verdict.VIOLATED, Verdict.ERROR, Verdict.INCONCLUSIVE, Verdict.HOLDS)
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
-    """Judge the trend and the power of h on all orbits. Report the worst: first by verdict, then by `Judged.share`."""
+    """Judge the trend and the power of h on all orbits. Report the worst: first by verdict,
+    then by `Judged.share`.
+    """
     if scheme.asks or scheme.systems in OF_SEVERAL - {Systems.MATRIX_HAMILTONIANS}:
         why = "the scheme is for several fields, which c = () leaves alone"
         return law.finding(Verdict.NOT_APPLICABLE, message=why)
@@ -71,7 +78,9 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
 
 
 def _orbits(scheme: Scheme, seed: int) -> Iterator[Any]:
-    """Yield orbits for the scheme's class or families of problems, or the user's own problems, without their noise."""
+    """Yield orbits for the scheme's class or families of problems, or the user's own problems,
+    without their noise.
+    """
     if not scheme.problems:
         yield from orbits_of_class(scheme.systems, seed)
     for item in items(scheme.problems) if scheme.problems else ():
@@ -84,7 +93,9 @@ def _orbits(scheme: Scheme, seed: int) -> Iterator[Any]:
 
 
 def _taken(scheme: Scheme, orbits: Orbits) -> Orbits:
-    """Halve the step size of the orbits, at most HALVINGS_MAX times, until the scheme takes it. Else raise Skipped."""
+    """Halve the step size of the orbits, at most HALVINGS_MAX times, until the scheme takes it.
+    Else raise Skipped.
+    """
     y = orbits.of(1)[:, 0]
     for halved in range(HALVINGS_MAX + 1):
         shorter = replace(orbits, steps=orbits.steps << halved)
@@ -94,7 +105,9 @@ def _taken(scheme: Scheme, orbits: Orbits) -> Orbits:
 
 
 def _judged(scheme: Scheme, orbits: Orbits, effort: Effort) -> list[Judged]:
-    """Judge the trend of the energy on the orbits and, if H oscillates and has no trend, the power of h."""
+    """Judge the trend of the energy on the orbits and, if H oscillates and has no trend,
+    the power of h.
+    """
     paths = SPARED_PATHS if sparing(scheme, effort) else PATHS
     first = trend(scheme, orbits, paths, DEEPER if effort.examples >= DEEP_EXAMPLES else 1)
     if first.verdict in (Verdict.VIOLATED, Verdict.ERROR) or first.kept:
@@ -103,7 +116,9 @@ def _judged(scheme: Scheme, orbits: Orbits, effort: Effort) -> list[Judged]:
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """Repeat the run of a witness (a stored counterexample), with its seed and number of examples."""
+    """Repeat the run of a witness (a stored counterexample), with its seed and number of
+    examples.
+    """
     return run(law, scheme, Run(Effort(seed=int(witness["seed"]), examples=int(witness.get("examples", 8)))))
 
 

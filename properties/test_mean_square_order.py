@@ -1,7 +1,8 @@
 """Theorems 3.3 and 3.4: mean-square order, measured against the exact flow at the random time.
 
-The law is violated only if two slopes have confidence intervals below the order: the slope of the rms error and that of
-a quantile of the error, which does not depend on the tails (`sepv.properties._orders.convergence.mean_square_order`).
+The law is violated only if two slopes have confidence intervals below the order: the slope of the
+rms error and that of a quantile of the error, which does not depend on the tails
+(`sepv.properties._orders.convergence.mean_square_order`).
 """
 
 from __future__ import annotations
@@ -20,21 +21,24 @@ from sepv.law import Effort, Finding, Law, Run, Verdict, require
 from sepv.problem import Problem, column
 from sepv.schemes import Scheme, Systems, order_of
 
-# Orders of one-step methods for (1.1) are multiples of ½. If the interval of the slope is above p − MARGIN, the middle
-# between p and the next lower order, it rejects the lower order. The margin also allows for the pre-asymptotic part of
-# a slope, which is below 0.06 for the paper's schemes at these step sizes.
+# Orders of one-step methods for (1.1) are multiples of ½. If the interval of the slope is above p
+# − MARGIN, the middle between p and the next lower order, it rejects the lower order. The margin
+# also allows for the pre-asymptotic part of a slope, which is below 0.06 for the paper's schemes at
+# these step sizes.
 MARGIN = 0.25
-# Problems with several structures without a closed form. In the first the noises commute, but not with the drift,
-# in the second not even the noises. Increments alone allow the orders 1 and ½ (§1): commutators of the drift and a
-# noise are multiplied by ∫W∘dt, of the order of h^(3/2), those of noises by ∫W_i∘dW_j, of the order of h.
+# Problems with several structures without a closed form. In the first the noises commute, but not
+# with the drift, in the second not even the noises. Increments alone allow the orders 1 and ½ (§1):
+# commutators of the drift and a noise are multiplied by ∫W∘dt, of the order of h^(3/2), those of
+# noises by ∫W_i∘dW_j, of the order of h.
 NONCOMMUTING = ("noncommuting-drift", "noncommuting-tops")
 
 
 def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
     """Make the test that slopes of the error are above the claimed order less MARGIN.
 
-    The slopes are that of the rms error and, except for weighted (`tilted`) samples, that of a quantile. The law holds
-    if an interval with error probability alpha, or `hold` if larger, lies above this bound.
+    The slopes are that of the rms error and, except for weighted (`tilted`) samples, that of a
+    quantile. The law holds if an interval with error probability alpha, or `hold` if larger, lies
+    above this bound.
     """
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
@@ -58,7 +62,8 @@ def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
 
 
 def order_above(low: float) -> float:
-    """Return the largest multiple p of ½ with p − MARGIN < `low`, the lower end of a slope's interval, or 0.
+    """Return the largest multiple p of ½ with p − MARGIN < `low`,
+    the lower end of a slope's interval, or 0.
 
     The interval proves the order p with the confidence of the run, whatever order is claimed.
     """
@@ -66,9 +71,11 @@ def order_above(low: float) -> float:
 
 
 def at_the_floor(errors: StrongErrors, order: float) -> Assessment:
-    """Judge errors at the rounding floor: a bound C h^p with tiny C holds, so nothing contradicts the order.
+    """Judge errors at the rounding floor: a bound C h^p with tiny C holds,
+    so nothing contradicts the order.
 
-    If only the error of the coarsest step is above the floor, it must fall to the floor as fast as the order demands.
+    If only the error of the coarsest step is above the floor, it must fall to the floor as fast as
+    the order demands.
     """
     usable, rms, floor, bound = above_floor(errors), errors.rms(), floors(errors), order - MARGIN
     if not usable.any():
@@ -81,7 +88,8 @@ def at_the_floor(errors: StrongErrors, order: float) -> Assessment:
 
 
 def noncommuting(scheme: Scheme) -> tuple[Setup, ...]:
-    """The setups of NONCOMMUTING, for a scheme for several structures whose user states no problems.
+    """The setups of NONCOMMUTING, for a scheme for several structures whose user states no
+    problems.
 
     They are left out for a claim above 1, which is about problems in which all flows commute.
     """
@@ -92,7 +100,9 @@ def noncommuting(scheme: Scheme) -> tuple[Setup, ...]:
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Compare the slope of the error with the claimed order (default: 1, ½ for noncommuting noises)."""
+    """Compare the slope of the error with the claimed order (default: 1, ½ for noncommuting
+    noises).
+    """
     hold = hold_level(scheme, this_run)
     setups = (*setups_for(scheme, this_run.effort), *noncommuting(scheme))
     return judge(
@@ -112,7 +122,8 @@ law = Law(
     unit="slope",
     cost=0.3,
     steps=129000,
-    # For nine of ten seeds the early look (few paths) decides. If not, the next look takes 43,008 steps.
+    # For nine of ten seeds the early look (few paths) decides. If not, the next look takes 43,008
+    # steps.
     spared=8064,
     run=pathwise(run),
     replay=replay,

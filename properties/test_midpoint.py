@@ -1,7 +1,9 @@
-"""§3.3 of Cohen and Dujardin (2014): if H = ½yᵀDy + eᵀy, the scheme (2.1) is the stochastic midpoint rule (3.4).
+"""§3.3 of Cohen and Dujardin (2014): if H = ½yᵀDy + eᵀy, the scheme (2.1)
+is the stochastic midpoint rule (3.4).
 
-The s-stage scheme (Cohen and Hairer, BIT 51, 2011) is then the s-stage Gauss method: for linear ∇H, the collocation
-polynomial u and the Gauss nodes c_i, weights b_i and Lagrange basis ℓ_i satisfy b_i⁻¹∫ℓ_i ∇H(u) = ∇H(u(c_i)).
+The s-stage scheme (Cohen and Hairer, BIT 51, 2011) is then the s-stage Gauss method: for linear ∇H,
+the collocation polynomial u and the Gauss nodes c_i, weights b_i and Lagrange basis ℓ_i satisfy
+b_i⁻¹∫ℓ_i ∇H(u) = ∇H(u(c_i)).
 """
 
 from __future__ import annotations
@@ -16,13 +18,17 @@ from sepv.schemes import Scheme, ask
 
 
 def quadratic(problem: Problem) -> bool:
-    """True if H, and C in a Nambu system, have degree ≤ 2: then averaged gradients equal gradients at the midpoint."""
+    """True if H, and C in a Nambu system, have degree ≤ 2:
+    then averaged gradients equal gradients at the midpoint.
+    """
     C = problem.nambu
     return problem.degree in (1, 2) and (C is None or (C.degree or 2) <= 2)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the distance of y1 from the midpoint rule, or the s-stage Gauss method, solved to 30 digits."""
+    """Measure the distance of y1 from the midpoint rule, or the s-stage Gauss method,
+    solved to 30 digits.
+    """
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     method = "midpoint" if scheme.stages == 1 else f"gauss-{scheme.stages}"

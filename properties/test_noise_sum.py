@@ -1,4 +1,6 @@
-"""§1 and (2.1): m noises act only through Σ c_j ΔW_j, so their order is irrelevant and one noise can replace them."""
+"""§1 and (2.1): m noises act only through Σ c_j ΔW_j, so their order is irrelevant and one noise
+can replace them.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ Noise = tuple[float, tuple[tuple[int, int, Polynomial], ...] | Polynomial, float
 
 
 def several_noises(case: Case) -> Case | None:
-    """Split a single noise into two with the same Σ c_jΔW_j. A case without noise gets two noises with the sum h."""
+    """Split a single noise into two with the same Σ c_jΔW_j.
+    A case without noise gets two noises with the sum h.
+    """
     problem = case.build()[0]
     c = tuple(float(v) for v in problem.c)
     if len(c) > 1 or is_several(problem):
@@ -45,10 +49,11 @@ def several_noises(case: Case) -> Case | None:
 def check(scheme: Scheme, case: Case) -> Measurement:
     """Compare the steps with all noises, with the noises reversed, and with their sum as one noise.
 
-    Noises with structures or Hamiltonians of their own cannot be summed. Instead one step has them moved on by one
-    place, and one has a noise with c = 0 before them. If a scheme exchanges two noises, both permutations may hide it,
-    but the additional noise reveals it. All steps solve one equation y1 = y0 + R(y0, y1). Their residuals, with the
-    rounding of Δ, are at most r. So two steps differ by at most 2r‖(I − ∂R/∂y1)⁻¹‖ in the largest component.
+    Noises with structures or Hamiltonians of their own cannot be summed. Instead one step has them
+    moved on by one place, and one has a noise with c = 0 before them. If a scheme exchanges two
+    noises, both permutations may hide it, but the additional noise reveals it. All steps solve one
+    equation y1 = y0 + R(y0, y1). Their residuals, with the rounding of Δ, are at most r. So two
+    steps differ by at most 2r‖(I − ∂R/∂y1)⁻¹‖ in the largest component.
     """
     problem, _, _, dW = case.build()
     data, c = case.problem, tuple(float(v) for v in problem.c)
@@ -67,7 +72,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         }
         return _furthest(scheme, case, {name: _ordered(case, data, order) for name, order in orders.items()})
     total = float(sum(c * w for c, w in zip(problem.c, dW, strict=True)))
-    # With this coefficient the increment is at most the largest one. It is a power of two: the product is exact.
+    # With this coefficient the increment is at most the largest one. It is a power of two: the
+    # product is exact.
     one = 2.0 ** np.ceil(np.log2(np.sum(np.abs(problem.c)))) if np.any(problem.c) else 1.0
     others = {
         "reversed": with_noise(case, c[::-1], case.dW[::-1]),
@@ -77,20 +83,26 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def _key(data: PolynomialSystem) -> str:
-    """Return the name of the attribute of `data` that has one structure, Hamiltonian or vector for each noise."""
+    """Return the name of the attribute of `data` that has one structure,
+    Hamiltonian or vector for each noise.
+    """
     keys = ("noise_structures", "noise_hamiltonians", "noise_vectors")
     return next(key for key in keys if getattr(data, key))
 
 
 def _ordered(case: Case, data: PolynomialSystem, noises: Sequence[Noise]) -> Case:
-    """Replace the noises of a case by the given ones, each with its structure or Hamiltonian and its increment."""
+    """Replace the noises of a case by the given ones, each with its structure or Hamiltonian and
+    its increment.
+    """
     c, parts, dW = zip(*noises, strict=True)
     changes: dict[str, Any] = {"noise": c, _key(data): parts}
     return replace(case, problem=replace(data, **changes), dW=dW)
 
 
 def _given_orders(case: Case, given: GivenProblem) -> dict[str, Case]:
-    """Return cases with the noises reordered, by name, for several Hamiltonians that are given as functions."""
+    """Return cases with the noises reordered, by name,
+    for several Hamiltonians that are given as functions.
+    """
     m = given.problem.noises
     orders = {"reversed": [*range(m)][::-1], "moved on by one": [m - 1, *range(m - 1)]}
     by_order = {}

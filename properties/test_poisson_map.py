@@ -1,17 +1,19 @@
 """A step is a Poisson map: Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1), with h and the increments held fixed.
 
-The part *constant* asks this of systems with constant B only, where it is symplecticity if B is the canonical matrix.
-Runge-Kutta methods that keep all quadratic invariants, such as Gauss methods, are symplectic (J. M. Sanz-Serna, BIT 28,
-1988), also with the random step Δ, but no Poisson maps for other B.
+The part *constant* asks this of systems with constant B only, where it is symplecticity if B is the
+canonical matrix. Runge-Kutta methods that keep all quadratic invariants, such as Gauss methods, are
+symplectic (J. M. Sanz-Serna, BIT 28, 1988), also with the random step Δ, but no Poisson maps for
+other B.
 
-If B satisfies Jacobi's identity, the exact flow is a Poisson map (Hairer, Lubich and Wanner, *Geometric Numerical
-Integration*, VII.2). The energy-preserving scheme (2.1) is not a Poisson map: if a system has no invariants but
-functions of H and the Casimirs, a Poisson map that keeps H is the exact flow at another time (Ge and Marsden, Phys.
-Lett. A 133, 1988).
+If B satisfies Jacobi's identity, the exact flow is a Poisson map (Hairer, Lubich and Wanner,
+*Geometric Numerical Integration*, VII.2). The energy-preserving scheme (2.1) is not a Poisson map:
+if a system has no invariants but functions of H and the Casimirs, a Poisson map that keeps H is the
+exact flow at another time (Ge and Marsden, Phys. Lett. A 133, 1988).
 
-The part *conformal* is about damping −Γy with ΓB + BΓᵀ = κB for a constant B. The exact flow then has
-Φ′BΦ′ᵀ = e^{−κh}B, for every H and every additive noise (`sepv.problem._damped.conformal_rate`). For
-friction −γp on all momenta κ is γ, for −γy it is 2γ. In one degree of freedom it says det Φ′ = e^{−κh}.
+The part *conformal* is about damping −Γy with ΓB + BΓᵀ = κB for a constant B. The exact flow then
+has Φ′BΦ′ᵀ = e^{−κh}B, for every H and every additive noise
+(`sepv.problem._damped.conformal_rate`). For friction −γp on all momenta κ is γ, for −γy it is 2γ.
+In one degree of freedom it says det Φ′ = e^{−κh}.
 """
 
 from __future__ import annotations
@@ -28,13 +30,17 @@ from sepv.schemes import OF_DAMPED, Scheme
 
 
 def poisson(case: Case) -> Case | None:
-    """Keep a case if B satisfies Jacobi's identity, and shorten its step to at most half the contraction radius."""
+    """Keep a case if B satisfies Jacobi's identity, and shorten its step to at most half the
+    contraction radius.
+    """
     problem, y, _, _ = case.build()
     return shortened(case) if is_poisson(problem, y) else None
 
 
 def constant(case: Case) -> Case | None:
-    """Keep a case if its B is constant, and shorten its step to at most half the contraction radius."""
+    """Keep a case if its B is constant, and shorten its step to at most half the contraction
+    radius.
+    """
     problem, y, _, _ = case.build()
     return shortened(case) if is_constant(problem, y) else None
 

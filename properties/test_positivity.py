@@ -1,7 +1,9 @@
-"""A step stays in the problem's domain: for Lotka-Volterra the positive octant, which the exact flow never leaves.
+"""A step stays in the problem's domain: for Lotka-Volterra the positive octant,
+which the exact flow never leaves.
 
-Solutions of ẏ_i = y_i r_i(y), also of stochastic systems of this form, keep the sign of every component. A scheme that
-stays in the domain need not reject steps. Cohen and Dujardin (2014), §1, [23], point to such integrators.
+Solutions of ẏ_i = y_i r_i(y), also of stochastic systems of this form, keep the sign of every
+component. A scheme that stays in the domain need not reject steps. Cohen and Dujardin (2014), §1,
+[23], point to such integrators.
 """
 
 from __future__ import annotations
@@ -20,8 +22,8 @@ from sepv.problems.shown_to_schemes import as_given
 from sepv.schemes import Scheme, by_name, guarded, splitting
 
 NAMES = ("a", "b", "d", "nu", "mu", "noise")
-# Six systems with parameters of all signs, the first one the paper's. They are few, with many steps each, because sepv
-# needs as much time to record a system as for a dozen steps.
+# Six systems with parameters of all signs, the first one the paper's. They are few, with many steps
+# each, because sepv needs as much time to record a system as for a dozen steps.
 SYSTEMS = tuple(
     NamedProblem("lotka-volterra", tuple((n, tuple(v)) for n, v in zip(NAMES, values, strict=True)))
     for values in (
@@ -44,10 +46,12 @@ _LENGTHS, _SHARES = st.sampled_from([2.0, 1.0, 0.5, 0.125]), st.sampled_from([0.
 
 @st.composite
 def lotka_volterra_steps(draw: st.DrawFn) -> Case:
-    """Draw states with components from 2⁻¹⁰ to 6, and steps up to twice as long as an Euler step that reaches zero.
+    """Draw states with components from 2⁻¹⁰ to 6, and steps up to twice as long as an Euler step
+    that reaches zero.
 
-    Methods that keep components positive use exponentials. If a step of the splitting method ends outside of
-    [2⁻⁶⁴, 2⁶⁴], the case is dropped, because another correct method might overflow or underflow.
+    Methods that keep components positive use exponentials. If a step of the splitting method ends
+    outside of [2⁻⁶⁴, 2⁶⁴], the case is dropped, because another correct method might overflow or
+    underflow.
     """
     data = draw(_SYSTEMS)
     y = tuple(size * 2.0**power for size, power in draw(_STATES))
@@ -67,10 +71,11 @@ def lotka_volterra_steps(draw: st.DrawFn) -> Case:
 
 @st.composite
 def species_steps(draw: st.DrawFn) -> Case:
-    """Draw steps of Lotka-Volterra systems with any parameters and noises on the species; all components are positive.
+    """Draw steps of Lotka-Volterra systems with any parameters and noises on the species;
+    all components are positive.
 
-    The drift and each noise move log y_i by up to 4. If a splitting step ends outside of [2⁻⁶⁴, 2⁶⁴], the case is
-    dropped.
+    The drift and each noise move log y_i by up to 4. If a splitting step ends outside of [2⁻⁶⁴,
+    2⁶⁴], the case is dropped.
     """
     c = draw(_NOISES)
     beta = tuple(draw(coefficients()) for _ in range(3))
@@ -88,7 +93,9 @@ def species_steps(draw: st.DrawFn) -> Case:
 
 
 def _ends_tamely(method: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> bool:
-    """True if a step of a splitting method ends in [2⁻⁶⁴, 2⁶⁴], so that other right methods do not overflow."""
+    """True if a step of a splitting method ends in [2⁻⁶⁴, 2⁶⁴],
+    so that other right methods do not overflow.
+    """
     with np.errstate(all="ignore"):
         end = method.step(problem, y, h, dW)
     return bool(np.all((end > 2.0**-64) & (end < 2.0**64)))
@@ -100,7 +107,9 @@ def _rate(field: Array, y: Array) -> float:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure 1 if y1 is outside the domain or NaN, else 0. A refused step is skipped, because it returns no state."""
+    """Measure 1 if y1 is outside the domain or NaN, else 0. A refused step is skipped,
+    because it returns no state.
+    """
     problem, y, h, dW = case.build()
     if problem.domain is None:
         raise Skipped("the problem has no domain to leave")
@@ -116,8 +125,9 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 def reaching(case: Case) -> Case | None:
     """Double a short step of a given Lotka-Volterra problem until an Euler step leaves the domain.
 
-    The step may not move y by more than 2|y|, and by the splitting method it must end in [2⁻⁶⁴, 2⁶⁴]. Steps of other
-    problems are unchanged: no bound is known under which methods with exponentials do not overflow.
+    The step may not move y by more than 2|y|, and by the splitting method it must end in [2⁻⁶⁴,
+    2⁶⁴]. Steps of other problems are unchanged: no bound is known under which methods with
+    exponentials do not overflow.
     """
     problem, y, h, dW = case.build()
     if problem.domain is None or not np.all(problem.domain(y)):

@@ -1,4 +1,6 @@
-"""The scheme (2.1) uses h and the increments ΔW_j only through the random step Δ = h + Σ_j c_jΔW_j."""
+"""The scheme (2.1) uses h and the increments ΔW_j only through the random step Δ = h + Σ_j
+c_jΔW_j.
+"""
 
 from __future__ import annotations
 
@@ -24,10 +26,12 @@ from sepv.schemes import Scheme, ask
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the distance between steps with equal Δ, split into h and increments in different ways.
+    """Measure the distance between steps with equal Δ,
+    split into h and increments in different ways.
 
-    Two such steps solve one equation y1 = y0 + R(y0, y1) with residuals r1 and r2, and with Δ rounded. Their distance
-    e satisfies (I − ∂R/∂y1)e = r1 − r2, where `amplification` bounds (I − ∂R/∂y1)⁻¹.
+    Two such steps solve one equation y1 = y0 + R(y0, y1) with residuals r1 and r2, and with Δ
+    rounded. Their distance e satisfies (I − ∂R/∂y1)e = r1 − r2, where `amplification` bounds (I
+    − ∂R/∂y1)⁻¹.
     """
     problem, y, h, dW = case.build()
     others = splits(problem, h, dW)
@@ -67,7 +71,9 @@ _SHARES = (
 
 
 def splits(problem: Problem, h: float, dW: Array) -> list[tuple[str, float, Array]]:
-    """Return other (name, h, dW) with equal Δ up to rounding: h keeps its sign, and |h| + Σ|c_jΔW_j| does not grow."""
+    """Return other (name, h, dW) with equal Δ up to rounding: h keeps its sign,
+    and |h| + Σ|c_jΔW_j| does not grow.
+    """
     c = problem.c
     driven = np.flatnonzero(c)
     if not driven.size:

@@ -1,4 +1,6 @@
-"""§2 of Cohen and Dujardin (2014): for constant B the scheme (2.1) is (2.2), for c = 0 a deterministic method."""
+"""§2 of Cohen and Dujardin (2014): for constant B the scheme (2.1) is (2.2),
+for c = 0 a deterministic method.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ from sepv.schemes import Scheme, Systems, ask
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the distance of y1 from (2.2); if all G_j = B, from (2.1); if c = 0, from the deterministic method."""
+    """Measure the distance of y1 from (2.2); if all G_j = B, from (2.1); if c = 0,
+    from the deterministic method.
+    """
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     if scheme.systems == Systems.SEVERAL and isinstance(case.problem, PolynomialSystem):
@@ -30,7 +34,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         exact, condition = exact_step("averaged-vector-field", case.problem, case.y, h, case.dW)
         name = "(2.2)"
     elif problem.c.any():
-        # For s stages the reference solves the general equations, whose matrix is equal at all stages if B is constant.
+        # For s stages the reference solves the general equations, whose matrix is equal at all
+        # stages if B is constant.
         exact, condition = exact_step(method, case.problem, case.y, h, case.dW)
         name = "the method for constant B"
     else:
@@ -46,7 +51,9 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def reduced(case: Case) -> Case | None:
-    """Keep a case if B is constant, c = 0 or all G_j = B. Else drop it if it has several structures, or set c = 0."""
+    """Keep a case if B is constant, c = 0 or all G_j = B.
+    Else drop it if it has several structures, or set c = 0.
+    """
     if isinstance(case.problem, GivenProblem):
         return None
     problem, y, h, dW = case.build()

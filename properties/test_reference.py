@@ -1,8 +1,10 @@
-"""A step solves equation (2.1): y1 is compared with a solution that independent code finds in extended precision.
+"""A step solves equation (2.1): y1 is compared with a solution that independent code finds in
+extended precision.
 
-A step with s stages solves the collocation equations of Cohen and Hairer (2011) with the random step. Random systems
-are tested first, and their steps are solved by the reference code. Then come the reference vectors, stored solutions
-that a random search does not reach: states of extreme size, the longest steps with a solution, separatrices.
+A step with s stages solves the collocation equations of Cohen and Hairer (2011) with the random
+step. Random systems are tested first, and their steps are solved by the reference code. Then come
+the reference vectors, stored solutions that a random search does not reach: states of extreme size,
+the longest steps with a solution, separatrices.
 """
 
 from __future__ import annotations
@@ -46,13 +48,15 @@ from sepv.problems import commuting_actions
 from sepv.record import EPS, TINY, poly
 from sepv.schemes import Scheme, Systems, ask
 
-# The `rounding` of a reference vector bounds the error of one evaluation of the equation in binary64. As in
-# sepv.law.tolerance, this factor covers implementations that order the same operations differently.
+# The `rounding` of a reference vector bounds the error of one evaluation of the equation in
+# binary64. As in sepv.law.tolerance, this factor covers implementations that order the same
+# operations differently.
 ORDER_OF_OPERATIONS = 4.0
-# The largest number of nodes of a quadrature that is exact to rounding: 33 Chebyshev points, 20 Gauss nodes, …
+# The largest number of nodes of a quadrature that is exact to rounding: 33 Chebyshev points, 20
+# Gauss nodes, …
 QUADRATURE_NODES = 40
-# The first words of the reference solver's error for a step of several Hamiltonians from a critical point of H_0, where
-# a structure is undefined (`sepv.problem._structures`).
+# The first words of the reference solver's error for a step of several Hamiltonians from a critical
+# point of H_0, where a structure is undefined (`sepv.problem._structures`).
 UNDEFINED = "a structure is undefined"
 
 # The number of steps from critical points of H_0 that are tested.
@@ -66,22 +70,28 @@ def _vectors(name: str) -> dict[Case, ReferenceVector]:
 
 
 def vectors(scheme: Scheme) -> dict[Case, ReferenceVector]:
-    """Return the reference vectors of the equation that the scheme solves, each with its case as key.
+    """Return the reference vectors of the equation that the scheme solves,
+    each with its case as key.
 
-    For a scheme in single precision the result is empty, because bounds of vectors are for roundings of binary64.
+    For a scheme in single precision the result is empty, because bounds of vectors are for
+    roundings of binary64.
     """
     method = equation_for(scheme.systems, scheme.stages)
     return _vectors(method if isinstance(method, str) else method.name) if scheme.eps == EPS else {}
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the distance of y1 from the solution of (2.1). The bound is proportional to the condition of the step."""
+    """Measure the distance of y1 from the solution of (2.1).
+    The bound is proportional to the condition of the step.
+    """
     vector = vectors(scheme).get(case)
     return _against_mpmath(scheme, case) if vector is None else _against_vector(scheme, case, vector)
 
 
 def _against_mpmath(scheme: Scheme, case: Case, near: Array | None = None) -> Measurement:
-    """Compare y1 with a new solution of the equation, by Newton's method from `near` if given (for one stage)."""
+    """Compare y1 with a new solution of the equation, by Newton's method from `near` if given (for
+    one stage).
+    """
     problem, y, h, dW = case.build()
     try:
         y1 = ask(scheme, problem, y, h, dW)
@@ -91,7 +101,8 @@ def _against_mpmath(scheme: Scheme, case: Case, near: Array | None = None) -> Me
         raise
     start = None if near is None else near.tolist()
     method = equation_for(scheme.systems, scheme.stages)
-    # With several stages the iteration starts from y, because stages cannot be computed from the state `near`.
+    # With several stages the iteration starts from y, because stages cannot be computed from the
+    # state `near`.
     try:
         exact, condition = exact_step(
             method, case.problem, case.y, h, case.dW, start if scheme.stages == 1 else None
@@ -107,7 +118,9 @@ def _against_mpmath(scheme: Scheme, case: Case, near: Array | None = None) -> Me
 
 
 def _undefined(scheme: Scheme, case: Case) -> bool:
-    """True if the reference solver finds a structure of the case undefined, so that the step has no equation."""
+    """True if the reference solver finds a structure of the case undefined,
+    so that the step has no equation.
+    """
     try:
         reference_step(equation_for(scheme.systems, scheme.stages), case.problem, case.y, case.h, case.dW)
     except StepFailure as failure:
@@ -116,12 +129,14 @@ def _undefined(scheme: Scheme, case: Case) -> bool:
 
 
 def quadrature_rounding(problem: Problem, y0: Array, y1: Array, h: float, dW: Array) -> Array:
-    """A bound (d,) of the change of a step's right side ΔB∇̄H if another quadrature, exact to rounding, computes ∇̄H.
+    """A bound (d,) of the change of a step's right side ΔB∇̄H if another quadrature,
+    exact to rounding, computes ∇̄H.
 
-    A sum of N products w_n ∇H(y_n) with rounded weights errs in any order by at most (N + 2)u Σ|w_n||∇H(y_n)| (Higham,
-    *Accuracy and Stability of Numerical Algorithms*, §3.1). The weights are positive with sum 1, so the bound is
-    N u (|h| + Σ|c_jΔW_j|) M_B M_g with bounds M_B, M_g of |B| and |∇H|. Here M_g, or for a polynomial H a part of N,
-    covers the rounding of the points y_n. If the bound overflows, the result is 0, the strictest bound.
+    A sum of N products w_n ∇H(y_n) with rounded weights errs in any order by at most (N + 2)u
+    Σ|w_n||∇H(y_n)| (Higham, *Accuracy and Stability of Numerical Algorithms*, §3.1). The weights
+    are positive with sum 1, so the bound is N u (|h| + Σ|c_jΔW_j|) M_B M_g with bounds M_B, M_g of
+    |B| and |∇H|. Here M_g, or for a polynomial H a part of N, covers the rounding of the points
+    y_n. If the bound overflows, the result is 0, the strictest bound.
     """
     with np.errstate(all="ignore"):
         length = abs(h) + float(np.sum(np.abs(problem.c * dW)))
@@ -143,7 +158,8 @@ def _against_vector(scheme: Scheme, case: Case, vector: ReferenceVector) -> Meas
     scale = max(map(abs, (*y, *y1)))
     # An iteration may stop once its correction is below the rounding of the largest component.
     floor = max(scheme.solver_tolerance, EPS) * scale + TINY
-    # The vector's rounding is that of the exact quadrature with the fewest nodes. A scheme may use more nodes.
+    # The vector's rounding is that of the exact quadrature with the fewest nodes. A scheme may use
+    # more nodes.
     other_nodes = vector.condition * float(np.max(quadrature_rounding(problem, y, y1, h, dW)))
     bounds = [ORDER_OF_OPERATIONS * r + other_nodes + floor for r in vector.rounding]
     k = max(range(len(errors)), key=lambda i: errors[i] / bounds[i])
@@ -151,7 +167,8 @@ def _against_vector(scheme: Scheme, case: Case, vector: ReferenceVector) -> Meas
     detail = f"y1 = {y1.tolist()}, {ulps:.3g} ulp from the answer of {name}: {', '.join(vector.y1)}"
     measured = Measurement(ulps, bounds[k] / unit, detail)
     if vector.hard and measured.violates:
-        # A step as long as this may have other solutions. If y1 is one of them, it does not violate (2.1).
+        # A step as long as this may have other solutions. If y1 is one of them, it does not violate
+        # (2.1).
         with suppress(StepFailure):
             other = _against_mpmath(scheme, case, near=y1)
             return measured if other.violates else other
@@ -159,7 +176,9 @@ def _against_vector(scheme: Scheme, case: Case, vector: ReferenceVector) -> Meas
 
 
 def _statistics(scheme: Scheme, seen: list[tuple[Case, Measurement]]) -> str:
-    """Summarise the errors divided by their bounds: the largest ratio with its step, and the median."""
+    """Summarise the errors divided by their bounds: the largest ratio with its step,
+    and the median.
+    """
     known = vectors(scheme)
     measured = [(m.ratio, case, m) for case, m in seen if m.bound > 0]
     if not measured:
@@ -179,8 +198,8 @@ def _statistics(scheme: Scheme, seen: list[tuple[Case, Measurement]]) -> str:
 def critical_step(random: Random) -> Case:
     """A step from a critical point of H_0 at which some B∇H_j is not zero: a scheme must refuse it.
 
-    Either y is 0 in one plane of variables and a noise turns another plane, or H_0 = ½I² − I_0 I with I = ½|y|² has a
-    circle of critical points, I = I_0.
+    Either y is 0 in one plane of variables and a noise turns another plane, or H_0 = ½I² − I_0 I
+    with I = ½|y|² has a circle of critical points, I = I_0.
     """
     a, b = random.choice([(1.0, 0.0), (0.5, 0.5), (1.0, -2.0), (-0.25, 0.5)])
     y: tuple[float, ...]
@@ -200,13 +219,17 @@ def critical_step(random: Random) -> Case:
 
 @cache
 def _critical() -> tuple[Case, ...]:
-    """Make steps of several Hamiltonians from critical points of H_0. Schemes must refuse these steps."""
+    """Make steps of several Hamiltonians from critical points of H_0.
+    Schemes must refuse these steps.
+    """
     return tuple(critical_step(Random(seed)) for seed in range(CRITICAL_STEPS))
 
 
 @cache
 def _flat() -> tuple[Case, ...]:
-    """Make steps from a state at which B′ and H″ vanish, for a B that is not constant and an H that is not linear."""
+    """Make steps from a state at which B′ and H″ vanish,
+    for a B that is not constant and an H that is not linear.
+    """
     H = poly.polynomial(2, {(0, 1): 1.0, (4, 0): 1.0})
     B = ((0, 1, poly.polynomial(2, {(0, 0): 1.0, (2, 0): 1.0})),)
     return longest(PolynomialSystem(2, H, B, (1.0,)), (0.0, 0.5))
@@ -243,7 +266,8 @@ def _law(seen: list[tuple[Case, Measurement]], extra: Iterable[Case] = ()) -> La
 
 def _run(_: Law, scheme: Scheme, this_run: Run) -> Finding:
     seen: list[tuple[Case, Measurement]] = []
-    # A scheme without noise gets no vectors with noise, because without the noise their steps would be others.
+    # A scheme without noise gets no vectors with noise, because without the noise their steps would
+    # be others.
     inner = _law(seen, [case for case in vectors(scheme) if not (scheme.deterministic and case.dW)])
     finding = inner.run(inner, scheme, this_run)
     if finding.verdict is not Verdict.HOLDS:

@@ -1,9 +1,11 @@
-"""If a step of (2.1) has no solution, a scheme refuses it by an ArithmeticError, or by the step's status in a batch.
+"""If a step of (2.1) has no solution, a scheme refuses it by an ArithmeticError,
+or by the step's status in a batch.
 
-Any returned state is wrong, also y0 and the explicit step. `sepv.properties._without_solution` proves that there is no
-solution: one component of (2.1) is a quadratic equation without real root, in exact numbers. The residual of a returned
-state in this component is compared with the largest residual that a solved step may have. A scheme that does not claim
-the law *reference* may solve another equation. Then the report says what the scheme returns, without a judgement.
+Any returned state is wrong, also y0 and the explicit step. `sepv.properties._without_solution`
+proves that there is no solution: one component of (2.1) is a quadratic equation without real root,
+in exact numbers. The residual of a returned state in this component is compared with the largest
+residual that a solved step may have. A scheme that does not claim the law *reference* may solve
+another equation. Then the report says what the scheme returns, without a judgement.
 """
 
 from __future__ import annotations
@@ -39,13 +41,16 @@ from sepv.law import (
 from sepv.problem import Array, Problem, Systems, vector_field
 from sepv.schemes import Scheme, ask
 
-# STEPS is the number of steps tested before the random search, SHOWN the number tried for a scheme that does not claim
-# *reference*. They are small, because an iteration without a solution takes fifty times as long as one that converges.
+# STEPS is the number of steps tested before the random search, SHOWN the number tried for a scheme
+# that does not claim *reference*. They are small, because an iteration without a solution takes
+# fifty times as long as one that converges.
 STEPS, SHOWN = 8, 8
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the residual of the step alone and, if case and scheme have batches, in a batch with steps of Δ = 0."""
+    """Measure the residual of the step alone and, if case and scheme have batches,
+    in a batch with steps of Δ = 0.
+    """
     why = proof(case, scheme.stages)
     if why is None:
         raise Skipped("nothing proves that the step has no solution")
@@ -55,7 +60,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         return alone
     states, noises = np.repeat(y[:, None], 3, axis=1), np.repeat(dW[:, None], 3, axis=1)
     if problem.noises and problem.c[0]:
-        # Both other steps of the batch get Δ = 0. With several structures they may move nevertheless.
+        # Both other steps of the batch get Δ = 0. With several structures they may move
+        # nevertheless.
         noises[0, ::2] -= (h + float(problem.c @ dW)) / problem.c[0]
     among = _judged(scheme, case, why, lambda: ask(scheme, problem, states, h, noises)[:, 1], "y1 in a batch")
     if among.violates or scheme.solve is None:
@@ -70,7 +76,9 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def _judged(scheme: Scheme, case: Case, why: NoSolution, answer: Any, name: str) -> Measurement:
-    """Measure the residual of an answer in the component without solution, in ulp of y, or 0 if the step is refused."""
+    """Measure the residual of an answer in the component without solution, in ulp of y,
+    or 0 if the step is refused.
+    """
     problem, y, h, dW = case.build()
     try:
         y1 = answer()
@@ -128,7 +136,8 @@ def _run(_: Law, scheme: Scheme, this_run: Run) -> Finding:
     inner = _law(scheme.stages)
     if "reference" in scheme.claims:
         finding = inner.run(inner, scheme, this_run)
-        # Steps longer than the scheme's `longest_step` are skipped. Too few other steps are no failure.
+        # Steps longer than the scheme's `longest_step` are skipped. Too few other steps are no
+        # failure.
         if (
             finding.verdict in (Verdict.INCONCLUSIVE, Verdict.NOT_APPLICABLE)
             and scheme.longest_step is not None

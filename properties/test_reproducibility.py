@@ -1,4 +1,6 @@
-"""The bits of y1 do not depend on the batch: on other states, their number, the state's place, or a division."""
+"""The bits of y1 do not depend on the batch: on other states, their number, the state's place,
+or a division.
+"""
 
 from __future__ import annotations
 
@@ -9,22 +11,24 @@ from sepv.law import Case, Cases, Effort, Measurement, Middle, require, searched
 from sepv.problem import PolynomialSystem
 from sepv.schemes import Scheme, ask
 
-# Sizes of parts of a batch. Libraries change their code path near the widths of vector registers and unrolled loops, so
-# these sizes differ; a further part has as many states as y has components. Some cases have batches of thousands.
+# Sizes of parts of a batch. Libraries change their code path near the widths of vector registers
+# and unrolled loops, so these sizes differ; a further part has as many states as y has components.
+# Some cases have batches of thousands.
 PARTS = (2, 7, 24)
-# In these batches every second state is multiplied by a power of two, down to 2⁻²⁰: iterations that stop by the largest
-# state of a batch then stop too early for small states.
+# In these batches every second state is multiplied by a power of two, down to 2⁻²⁰: iterations that
+# stop by the largest state of a batch then stop too early for small states.
 SCALE_EXPONENTS = 21
-# From this d on NumPy sums a single row in another order than the rows of a batch. Newton's last correction hides most
-# of the differences, so ALONE states are stepped alone.
+# From this d on NumPy sums a single row in another order than the rows of a batch. Newton's last
+# correction hides most of the differences, so ALONE states are stepped alone.
 LONG_SUMS, ALONE = 9, 16
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Compare the middle state's step in a batch with its step alone, and all steps with those in smaller batches.
+    """Compare the middle state's step in a batch with its step alone,
+    and all steps with those in smaller batches.
 
-    The batch is cut in parts, and each part is stepped too. Vector registers and blocks then end at other states: the
-    first or last state of a part is an inner state of the whole batch.
+    The batch is cut in parts, and each part is stepped too. Vector registers and blocks then end at
+    other states: the first or last state of a part is an inner state of the whole batch.
     """
     problem, y, h, dW = case.build()
     alone = ask(scheme, problem, y, h, dW)
@@ -33,7 +37,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     for sizes in ((1,), (first, case.batch - first) if case.batch else (len(y), *PARTS)):
         size = sum(sizes)
         place = size // 2
-        # Other states are nearer to 0 than y, with smaller noise, so that their steps have solutions too.
+        # Other states are nearer to 0 than y, with smaller noise, so that their steps have
+        # solutions too.
         apart = np.abs(np.arange(size) - place)
         factors = 1 - apart % 17 / 128
         if not case.batch and isinstance(case.problem, PolynomialSystem):
@@ -61,16 +66,20 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def _beside_a_power(size: int) -> int:
-    """Return the size of the first part of a batch: 2^k − 1, 2^k or 2^k + 1, where 2^k is about half of `size`.
+    """Return the size of the first part of a batch: 2^k − 1, 2^k or 2^k + 1,
+    where 2^k is about half of `size`.
 
-    Code that computes blocks of 2^k states has other formulas for the states left over, which these sizes reach.
+    Code that computes blocks of 2^k states has other formulas for the states left over, which these
+    sizes reach.
     """
     power = 1 << max(0, size.bit_length() - 2)
     return max(1, min(size - 1, power + size % 3 - 1))
 
 
 def one_at_a_time(scheme: Scheme) -> str:
-    """Return why the law does not apply to a scheme without batches, or "" for a scheme that takes batches."""
+    """Return why the law does not apply to a scheme without batches,
+    or "" for a scheme that takes batches.
+    """
     return "" if scheme.batched else "the scheme takes one state at a time: there is no batch to depend on"
 
 
@@ -80,7 +89,8 @@ law = searched(
     source="contract",
     unit="ulp of y",
     cost=1.9,
-    # `steps` is left at 0, because it counts steps of given problems; the 140 000 here are of polynomial systems.
+    # `steps` is left at 0, because it counts steps of given problems; the 140 000 here are of
+    # polynomial systems.
     middle=Middle.MAP,
     cases=Cases(damped=True, where={"batch": ("2–9", "33–129", "500–2000", "4097–9000")}),
     check=check,

@@ -1,9 +1,10 @@
-"""Two steps Φ with equal h and ΔW return to y0 if the reversal ρ of momenta follows each: ρ ∘ Φ ∘ ρ ∘ Φ = id.
+"""Two steps Φ with equal h and ΔW return to y0 if the reversal ρ of momenta follows each:
+ρ ∘ Φ ∘ ρ ∘ Φ = id.
 
-If H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ, the exact flow is reversible (`sepv.properties._reversal`), also at the random
-time t + Σ c_jW_j. A symmetric scheme that commutes with ρ is reversible (Hairer, Lubich and Wanner, *Geometric
-Numerical Integration*, V.1, Theorem 1.5). Unlike the law "symmetry", this law takes no step with −h. Hybrid Monte Carlo
-needs reversible steps.
+If H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ, the exact flow is reversible (`sepv.properties._reversal`),
+also at the random time t + Σ c_jW_j. A symmetric scheme that commutes with ρ is reversible (Hairer,
+Lubich and Wanner, *Geometric Numerical Integration*, V.1, Theorem 1.5). Unlike the law "symmetry",
+this law takes no step with −h. Hybrid Monte Carlo needs reversible steps.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ def reversible(case: Case) -> Case | None:
 def check(scheme: Scheme, case: Case) -> Measurement:
     """Measure |y0′ − y0| for y0′ = ρΦ(ρΦ(y0)).
 
-    The step's equation y1 = y0 + R(y0, y1; Δ) has R(ρa, ρb; Δ) = −ρR(a, b; Δ) = ρR(a, b; −Δ). So y0′ solves the step
-    from y1 with −h and −ΔW up to the residual of the second step, and the bound is that of the law "symmetry".
+    The step's equation y1 = y0 + R(y0, y1; Δ) has R(ρa, ρb; Δ) = −ρR(a, b; Δ) = ρR(a, b; −Δ). So
+    y0′ solves the step from y1 with −h and −ΔW up to the residual of the second step, and the bound
+    is that of the law "symmetry".
     """
     rho = momentum_flip(case.build()[0])
     assert rho is not None

@@ -1,16 +1,17 @@
-"""The scheme converges to the Stratonovich solution of (1.1), and not to another process such as the Itô solution.
+"""The scheme converges to the Stratonovich solution of (1.1),
+and not to another process such as the Itô solution.
 
-The error is projected on the directions in which y(T) moves if the limit has too much drift, noise or Itô's
-correction. This gives the share by which each of these is wrong. Shares are extrapolated to h = 0 from three
-step sizes. Their confidence intervals are widened by the change of a share if the coarsest step size is left
-out. The law holds if with confidence the shares of drift and noise are less than RESOLUTION and the rms error
-falls with h. It is violated if a share differs from zero by more than LEAST_SHARE, or if neither the rms
-error nor a quantile of the error falls.
+The error is projected on the directions in which y(T) moves if the limit has too much drift, noise
+or Itô's correction. This gives the share by which each of these is wrong. Shares are extrapolated
+to h = 0 from three step sizes. Their confidence intervals are widened by the change of a share if
+the coarsest step size is left out. The law holds if with confidence the shares of drift and noise
+are less than RESOLUTION and the rms error falls with h. It is violated if a share differs from zero
+by more than LEAST_SHARE, or if neither the rms error nor a quantile of the error falls.
 
-A strong noise c hides the drift: if f has the slope L, the drift moves y by 1/(c√L) times as much as the
-noise does. If the drift causes less than 1/COARSE_DRIFT_RATIO of all movement, it may therefore be wrong by
-RESOLUTION/COARSE_DRIFT_RATIO of all movement. The law "local-mean" judges the drift alone. Movements by
-rounding alone are not judged.
+A strong noise c hides the drift: if f has the slope L, the drift moves y by 1/(c√L) times as much
+as the noise does. If the drift causes less than 1/COARSE_DRIFT_RATIO of all movement, it may
+therefore be wrong by RESOLUTION/COARSE_DRIFT_RATIO of all movement. The law "local-mean" judges the
+drift alone. Movements by rounding alone are not judged.
 """
 
 from __future__ import annotations
@@ -28,25 +29,28 @@ from sepv.law import Effort, Finding, Law, Run, Verdict, require
 from sepv.problem import Array, Problem, column
 from sepv.schemes import Scheme, order_of
 
-# An error by the share RESOLUTION of drift or noise must be detected; SPARED if the scheme takes one state at
-# a time.
+# An error by the share RESOLUTION of drift or noise must be detected; SPARED if the scheme takes
+# one state at a time.
 RESOLUTION, SPARED = 0.01, 0.02
-# A smaller share is no violation, because powers of h that the extrapolation neglects could cause it.
+# A smaller share is no violation, because powers of h that the extrapolation neglects could cause
+# it.
 LEAST_SHARE = 0.001
-# The least order of the rms error: half-way between order ½ and 0, the order of a scheme with a wrong limit.
+# The least order of the rms error: half-way between order ½ and 0, the order of a scheme with a
+# wrong limit.
 LEAST_ORDER = 0.25
-# A drift that causes less than 1/COARSE_DRIFT_RATIO of the movement is judged more coarsely. No problem of
-# the suite has one.
+# A drift that causes less than 1/COARSE_DRIFT_RATIO of the movement is judged more coarsely. No
+# problem of the suite has one.
 COARSE_DRIFT_RATIO = 4.0
 
 
 def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: float = RESOLUTION) -> Assess:
-    """Make the test of a limit: the shares and the fall of the error have the error probability alpha/2 each.
+    """Make the test of a limit: the shares and the fall of the error have the error probability
+    alpha/2 each.
 
-    The shares (`limit_errors`) by which drift and noise are wrong are means over paths. For a scheme of weak
-    order 1 or more they expand in whole powers of h. For lower orders they may expand in powers of h^½ (as by
-    differences over a length √h), and more paths are needed. If several `orders` are possible, a limit must
-    be wrong by each of them.
+    The shares (`limit_errors`) by which drift and noise are wrong are means over paths. For a
+    scheme of weak order 1 or more they expand in whole powers of h. For lower orders they may
+    expand in powers of h^½ (as by differences over a length √h), and more paths are needed. If
+    several `orders` are possible, a limit must be wrong by each of them.
     """
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
@@ -91,8 +95,8 @@ def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: floa
         judged = [n for n, name in enumerate(names) if name in ("drift", "noise")]
         for n in [n for n in judged if hidden[n] > 1 or rounding[n] > resolution]:
             text += f" the {names[n]} moves y by {sizes[n] / np.max(sizes):.1e} of all,"
-        # The largest possible share of drift or noise, relative to the factor by which it is judged more
-        # coarsely.
+        # The largest possible share of drift or noise, relative to the factor by which it is judged
+        # more coarsely.
         worst = max(float(most[n] / hidden[n]) if rounding[n] <= resolution else 0.0 for n in judged)
         if stays:
             text = f"the error does not fall; {text}"
@@ -104,14 +108,17 @@ def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: floa
 
 
 def _hidden(names: list[str], sizes: Array) -> Array:
-    """Return factors (K,) for the allowed errors of shares: above 1 for a cause that moves y little, 1 for noises."""
+    """Return factors (K,) for the allowed errors of shares:
+    above 1 for a cause that moves y little, 1 for noises.
+    """
     moved = np.sqrt(sum(sizes[n] ** 2 for n, name in enumerate(names) if name in ("drift", "noise")))
     alone = np.array([name.startswith("noise") for name in names])
     return np.where(alone, 1.0, np.maximum(1.0, moved / (COARSE_DRIFT_RATIO * sizes)))
 
 
 def mean_orders(scheme: Scheme) -> tuple[float, ...]:
-    """Return possible orders of the means: the claimed weak order, else the mean-square order (or ½), and 1 if larger.
+    """Return possible orders of the means: the claimed weak order,
+    else the mean-square order (or ½), and 1 if larger.
 
     A scheme of mean-square order ½ often has the weak order 1 without claiming it.
     """
@@ -122,10 +129,12 @@ def mean_orders(scheme: Scheme) -> tuple[float, ...]:
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Extrapolate to h = 0 the shares by which drift and noise are wrong, on every problem, and judge the limit.
+    """Extrapolate to h = 0 the shares by which drift and noise are wrong, on every problem,
+    and judge the limit.
 
-    A violation must also be one if the true order is ½, whatever is claimed: such a scheme has shares in
-    powers of h^½, which contradict its right limit if they are extrapolated in powers of h.
+    A violation must also be one if the true order is ½, whatever is claimed: such a scheme has
+    shares in powers of h^½, which contradict its right limit if they are extrapolated in powers
+    of h.
     """
     resolution = SPARED if sparing(scheme, this_run.effort) else RESOLUTION
     orders = mean_orders(scheme)

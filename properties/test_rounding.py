@@ -1,18 +1,22 @@
-"""Brouwer's law: over many steps the energy of an energy-preserving scheme moves like a random walk of roundings.
+"""Brouwer's law: over many steps the energy of an energy-preserving scheme moves like a random walk
+of roundings.
 
-If the solver of a scheme stops at a tolerance, its residuals have one sign, and the energy drifts linearly.
+If the solver of a scheme stops at a tolerance, its residuals have one sign, and the energy drifts
+linearly.
 
-Let D be the defect of H after n steps in ulp of H, and w the change of H in a step y1 = y0 + z by the rounding of this
-sum alone. So w√n is the predicted random walk (`sepv.law.tolerance`). Three quantities are judged:
+Let D be the defect of H after n steps in ulp of H, and w the change of H in a step y1 = y0 + z by
+the rounding of this sum alone. So w√n is the predicted random walk (`sepv.law.tolerance`). Three
+quantities are judged:
 
 - size: the root mean square of D over paths is at most ALLOWED·w√n at every checkpoint;
-- drift: the mean of D over P paths is at most BIAS·w·n plus Student's t of level LEVEL times the standard error of the
-  mean, which is the larger of the sample's and w√(n/P);
-- growth: the mean of D²/n at the last checkpoint is at most q times its value at the first checkpoint, or q w² if that
-  is larger, with the quantile q of level LEVEL of Fisher's F with (P, P) degrees of freedom.
+- drift: the mean of D over P paths is at most BIAS·w·n plus Student's t of level LEVEL times the
+  standard error of the mean, which is the larger of the sample's and w√(n/P);
+- growth: the mean of D²/n at the last checkpoint is at most q times its value at the first
+  checkpoint, or q w² if that is larger, with the quantile q of level LEVEL of Fisher's F with
+  (P, P) degrees of freedom.
 
-If D is a sum of independent roundings, drift and growth fail with probability at most LEVEL each in each of four runs,
-and so with less than 1e-6 in all.
+If D is a sum of independent roundings, drift and growth fail with probability at most LEVEL each in
+each of four runs, and so with less than 1e-6 in all.
 """
 
 from __future__ import annotations
@@ -47,42 +51,51 @@ from sepv.simulate import truncation as bounded
 from sepv.statistics import fishers_f, students_t
 
 PATHS = 60
-# (problem, h, steps): two long runs; one with large steps, which show a solver that stops early; one with B(y) and a
-# quartic H, because some errors cancel if B or H is simple. The smallest visible drift depends on paths times steps.
+# (problem, h, steps): two long runs; one with large steps, which show a solver that stops early;
+# one with B(y) and a quartic H, because some errors cancel if B or H is simple. The smallest
+# visible drift depends on paths times steps.
 TOP = ("quartic-top", 2.0**-5, 128)
 RUNS = (("rigid-body", 0.01, 256), ("pendulum", 0.01, 256), ("rigid-body", 0.125, 128), TOP)
 # Runs (problem, h, steps) of schemes for Nambu systems.
 NAMBU_RUNS = (RUNS[0], ("lotka-volterra", 2.0**-8, 256), RUNS[2])
 # Runs (problem, h, steps) of schemes for several structures.
 SEVERAL_RUNS = (("commuting-rotations", 0.01, 256), ("commuting-oscillators", 0.01, 256))
-# With at least DEEP_EXAMPLES examples a law (option `--deep`), runs have DEEPER times as many steps.
+# With at least DEEP_EXAMPLES examples a law (option `--deep`), runs have DEEPER times as many
+# steps.
 DEEPER, DEEP_EXAMPLES = 8, 1000
-# The number of paths for a scheme that takes one state at a time. Each problem then has one run, of half the steps and
-# the largest h. Paths times steps fall from 46,080 to 7,168, and the smallest visible drift is 2.1 times as large.
+# The number of paths for a scheme that takes one state at a time. Each problem then has one run, of
+# half the steps and the largest h. Paths times steps fall from 46,080 to 7,168, and the smallest
+# visible drift is 2.1 times as large.
 SPARED_PATHS = 28
 FIRST = 32  # the number of steps of the first checkpoint; each later one has twice as many
-# The allowed root mean square of D, as a multiple of the predicted walk w√n (`sepv.law.tolerance`). Schemes
-# of sepv are at 1, which 60 paths measure to 9 %. The factor allows for other orders of operations, with up to a
-# hundred roundings of y in a step.
+# The allowed root mean square of D, as a multiple of the predicted walk w√n (`sepv.law.tolerance`).
+# Schemes of sepv are at 1, which 60 paths measure to 9 %. The factor allows for other orders of
+# operations, with up to a hundred roundings of y in a step.
 ALLOWED = 10.0
-# The allowed mean change of H in a step of a correct scheme, as a share of w: rounding to nearest is slightly biased,
-# and an iteration has a residual. In 10⁸ steps this share is 7e-4 for the pendulum, else less (docs/long-times.md).
+# The allowed mean change of H in a step of a correct scheme, as a share of w: rounding to nearest
+# is slightly biased, and an iteration has a residual. In 10⁸ steps this share is 7e-4 for the
+# pendulum, else less (docs/long-times.md).
 BIAS = 2.0**-6
 # The probability with which each test of drift or growth rejects independent roundings.
 LEVEL = 1e-7
-# If the noises change the random time by less than ALIKE times the time itself, paths start from states spread over
-# SPREAD units of time of the orbit. Over a short piece of an orbit roundings of a correct scheme need not average out
-# (Kepler near its pericentre: 0.09 w a step), and without noise all paths would be equal.
+# If the noises change the random time by less than ALIKE times the time itself, paths start from
+# states spread over SPREAD units of time of the orbit. Over a short piece of an orbit roundings of
+# a correct scheme need not average out (Kepler near its pericentre: 0.09 w a step), and without
+# noise all paths would be equal.
 ALIKE, SPREAD = 0.25, 256
-# Defects are cut off at BEYOND, so that squares stay finite. Roundings above EXPLODED (exploding paths) do not count.
+# Defects are cut off at BEYOND, so that squares stay finite. Roundings above EXPLODED (exploding
+# paths) do not count.
 BEYOND, EXPLODED = 1e150, 1e100
-# If the operations of H cannot be recorded, H is computed in binary64 at worst. The law then needs an error below
-# UNRECORDED_MAX_ULP ulp of H, which a constant in H, or terms that cancel, may exceed.
+# If the operations of H cannot be recorded, H is computed in binary64 at worst. The law then needs
+# an error below UNRECORDED_MAX_ULP ulp of H, which a constant in H, or terms that cancel, may
+# exceed.
 UNRECORDED_MAX_ULP = 1024.0
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Judge size, drift and growth of the energy defects of all runs, in ulp of H over √n after n steps."""
+    """Judge size, drift and growth of the energy defects of all runs,
+    in ulp of H over √n after n steps.
+    """
     judged: list[Judged] = []
     effort = this_run.effort
     lines, broken, skipped, checks = [], [], [], 0
@@ -128,7 +141,9 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 
 
 class Judged(NamedTuple):
-    """A judged quantity (size, drift or growth) in ulp of H over √n after n steps, and its limit."""
+    """A judged quantity (size, drift or growth) in ulp of H over √n after n steps, and its
+    limit.
+    """
 
     name: str
     size: float
@@ -137,9 +152,11 @@ class Judged(NamedTuple):
 
 
 def judge(defects: Array, predicted: float, solver_tolerance: float = 0.0) -> list[Judged]:
-    """Judge size, drift and growth of energy defects (checkpoints, paths) after FIRST, 2·FIRST, 4·FIRST, … steps.
+    """Judge size, drift and growth of energy defects (checkpoints, paths) after FIRST, 2·FIRST,
+    4·FIRST, … steps.
 
-    A solver's stated tolerance, relative to |y|, may change H by `solver_tolerance` |∇H||y| a step in one direction.
+    A solver's stated tolerance, relative to |y|, may change H by `solver_tolerance` |∇H||y| a step
+    in one direction.
     """
     paths = defects.shape[1]
     n = FIRST * 2.0 ** np.arange(len(defects))
@@ -173,7 +190,9 @@ def judge(defects: Array, predicted: float, solver_tolerance: float = 0.0) -> li
 
 
 def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
-    """List runs (problem, h, steps), on the problems that the scheme is given for or else on those of its class."""
+    """List runs (problem, h, steps), on the problems that the scheme is given for or else on those
+    of its class.
+    """
     users = problems_of(scheme)
     if users is not None:
         users = tuple(problem for problem in users if not isinstance(problem, HamiltoniansProblem))
@@ -201,16 +220,20 @@ def _named(name: str) -> Problem:
 
 
 def _fewer(runs: list[tuple[Problem, float, int]]) -> list[tuple[Problem, float, int]]:
-    """Keep only the last run of each problem, which has the largest h, and halve its number of steps."""
+    """Keep only the last run of each problem, which has the largest h,
+    and halve its number of steps.
+    """
     last = {problem.name: (problem, h, max(2 * FIRST, steps // 2)) for problem, h, steps in runs}
     return list(last.values())
 
 
 @lru_cache(maxsize=16)
 def _spread(problem: Problem, paths: int) -> Array:
-    """Compute P = `paths` states (d, P) along the drift's flow over SPREAD units of time, to six digits.
+    """Compute P = `paths` states (d, P) along the drift's flow over SPREAD units of time,
+    to six digits.
 
-    If the flow ends early, the states are near the initial state. If one leaves the domain, all are the initial state.
+    If the flow ends early, the states are near the initial state. If one leaves the domain, all are
+    the initial state.
     """
     from scipy.integrate import solve_ivp  # takes half a second; only users' problems need it
 
@@ -236,10 +259,12 @@ def _increments(scheme: Scheme, problem: Problem, h: float, steps: int, seed: in
 
 
 def escaping(problem: Problem, dW: Array, h: float) -> str:
-    """Say why the exact solution does not exist on half of the paths; empty if it does, or if nothing tells.
+    """Say why the exact solution does not exist on half of the paths; empty if it does,
+    or if nothing tells.
 
-    The solution is the flow of f = B∇H at the random time θ = t + Σ c_jW_j. If the flow cannot be followed to the
-    median, over the paths, of the largest or of the smallest θ, it ends on half of them, and a failed step is no fault.
+    The solution is the flow of f = B∇H at the random time θ = t + Σ c_jW_j. If the flow cannot be
+    followed to the median, over the paths, of the largest or of the smallest θ, it ends on half of
+    them, and a failed step is no fault.
     """
     if is_several(problem):
         return ""
@@ -256,10 +281,11 @@ def energy_walk(
     scheme: Scheme, problem: Problem, h: float, steps: int, seed: int, paths: int = PATHS,
     watch: Watch | None = None,
 ) -> tuple[np.ndarray, float, str]:  # fmt: skip
-    """Return energy defects (checkpoints, paths), the change of H by a step's rounding, and a text on a failed step.
+    """Return energy defects (checkpoints, paths), the change of H by a step's rounding,
+    and a text on a failed step.
 
-    Defects have a sign, and are NaN for failed paths. H is in extended precision. The unit is the ulp of H. `watch`
-    sees each step.
+    Defects have a sign, and are NaN for failed paths. H is in extended precision. The unit is the
+    ulp of H. `watch` sees each step.
     """
     guarded_scheme, exact = guarded(scheme), exact_problem(describe(problem), 30)
     dW = _increments(scheme, problem, h, steps, seed, paths)
@@ -273,7 +299,8 @@ def energy_walk(
     rows: list[np.ndarray] = []
     carried = Carried(scheme)
     alive, checkpoint, failed = np.arange(paths), FIRST, ""
-    # `spent` sums variances of a path's roundings; `widths` has their root mean square per step at each checkpoint.
+    # `spent` sums variances of a path's roundings; `widths` has their root mean square per step at
+    # each checkpoint.
     spent, widths = np.zeros(paths), []
     for n in range(1, steps + 1):
         value, status, *_ = advance(guarded_scheme, problem, y[:, alive], h, dW[n - 1][:, alive], carried)
@@ -291,7 +318,8 @@ def energy_walk(
         spent[alive] += rounding_variances(problem.gradient(y[:, alive]), y[:, alive])
         if n == checkpoint:
             if not rows and unit <= TINY and alive.size:
-                # If y0 = 0 or the drift rests at y0, the ulp of H at y0 is 0: the unit is that of reached states.
+                # If y0 = 0 or the drift rests at y0, the ulp of H at y0 is 0: the unit is that of
+                # reached states.
                 unit = float(np.median(energy_ulp(problem, y[:, alive], y[:, alive])))
             row = np.full(paths, np.nan)
             for k in alive:
@@ -308,10 +336,12 @@ def energy_walk(
 
 
 def in_own_roundings(defects: Array, widths: Array) -> tuple[Array, float]:
-    """Scale defects (checkpoints, paths) as if roundings had one size on all paths. Also return this size, for a step.
+    """Scale defects (checkpoints, paths) as if roundings had one size on all paths.
+    Also return this size, for a step.
 
-    `widths` has the root mean square rounding of a step on each path up to each checkpoint. Widths vary a lot if paths
-    start at the origin or at different states. A defect divided by √n times its path's width is still normal.
+    `widths` has the root mean square rounding of a step on each path up to each checkpoint. Widths
+    vary a lot if paths start at the origin or at different states. A defect divided by √n times its
+    path's width is still normal.
     """
     alive = np.isfinite(widths)
     known = np.where(alive & (widths < EXPLODED), widths, 0.0)  # an exploding path does not raise its limit
@@ -321,7 +351,9 @@ def in_own_roundings(defects: Array, widths: Array) -> tuple[Array, float]:
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """Repeat the run of a witness (a stored counterexample), with its seed and numbers of examples and paths."""
+    """Repeat the run of a witness (a stored counterexample),
+    with its seed and numbers of examples and paths.
+    """
     effort = Effort(
         seed=int(witness["seed"]), examples=int(witness.get("examples", 100)), paths=int(witness["paths"])
     )

@@ -1,4 +1,5 @@
-"""(2.1) is symmetric: its equation is the same with y0 and y1 exchanged and h, ΔW negated, so a step back ends at y0.
+"""(2.1) is symmetric: its equation is the same with y0 and y1 exchanged and h, ΔW negated,
+so a step back ends at y0.
 
 The law "random-step" tests separately that h and ΔW act through the random step Δ alone.
 """
@@ -17,7 +18,9 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def in_time(case: Case) -> Case | None:
-    """Keep a case if h ≠ 0. Otherwise a scheme that refuses h < 0 would be judged by its steps with h = 0 alone."""
+    """Keep a case if h ≠ 0. Otherwise a scheme that refuses h < 0 would be judged by its steps with
+    h = 0 alone.
+    """
     return case if case.h else None
 
 

@@ -1,17 +1,22 @@
-"""Remark 2.1, Lemma 3.1: |ζ| ≤ A_h = √(2k|ln h|), moments are bounded, k is large enough, steps use all |ζ| ≤ A_h.
+"""Remark 2.1, Lemma 3.1: |ζ| ≤ A_h = √(2k|ln h|), moments are bounded, k is large enough,
+steps use all |ζ| ≤ A_h.
 
-Normal increments √h ξ are truncated to √h ζ. The paper prints the bound of Remark 2.1 with "=", but it is "≤", as here.
+Normal increments √h ξ are truncated to √h ζ. The paper prints the bound of Remark 2.1 with "=", but
+it is "≤", as here.
 
-The scheme must use the increments that it declares: at every h its step must respond to each ΔW_j in every sixteenth of
-[−√h A_h, 0] and [0, √h A_h]. Of these the innermost, the outermost and one more are tested. The response |∂y1/∂ΔW_j| of
-y1 = y0 + Δf + ½Δ²f′f + O(Δ³) is c_j|f|(1 ± x), x = L(h + c_j√h A_h) with L ≥ |f′|. So the largest is at most
-(1 + x)/(1 − x) times the smallest, 1.3 for x ≤ REACH, and 2 is allowed. If a scheme itself clips at less than 31/32 of
-A_h, that is with k′ < 0.93 k, its response in the outermost sixteenth is less than half of the largest.
+The scheme must use the increments that it declares: at every h its step must respond to each
+ΔW_j in every sixteenth of [−√h A_h, 0] and [0, √h A_h]. Of these the innermost, the outermost
+and one more are tested. The response |∂y1/∂ΔW_j| of y1 = y0 + Δf + ½Δ²f′f + O(Δ³) is c_j|f|(1 ±
+x), x = L(h + c_j√h A_h) with L ≥ |f′|. So the largest is at most (1 + x)/(1 − x) times the
+smallest, 1.3 for x ≤ REACH, and 2 is allowed. If a scheme itself clips at less than 31/32 of
+A_h, that is with k′ < 0.93 k, its response in the outermost sixteenth is less than half of the
+largest.
 
-Step sizes h are drawn from 2⁻⁶⁰ to ½. If x > REACH, H is divided by a number (`sepv.properties._orders.any_step`). For
-users' problems and an H that is no polynomial data, the range of h ends at x = REACH instead. There h, also in A_h, is
-in the problem's own unit of time. A scheme that clips by h without this unit is judged only up to its clip. Responses
-below a solver's possible error are not judged.
+Step sizes h are drawn from 2⁻⁶⁰ to ½. If x > REACH, H is divided by a number
+(`sepv.properties._orders.any_step`). For users' problems and an H that is no polynomial data, the
+range of h ends at x = REACH instead. There h, also in A_h, is in the problem's own unit of time. A
+scheme that clips by h without this unit is judged only up to its clip. Responses below a solver's
+possible error are not judged.
 """
 
 from __future__ import annotations
@@ -37,13 +42,16 @@ from sepv.simulate import truncation as bounded
 from sepv.simulate import wiener
 
 STEPS = tuple(2.0**-n for n in range(1, 21))
-# The number of step sizes for each noise, and their range in units of time. No two noises have the same step sizes.
+# The number of step sizes for each noise, and their range in units of time. No two noises have the
+# same step sizes.
 SIZES, SMALLEST, LARGEST = 11, 2.0**-60, 0.5
 PARTS, REACH = 16, 1 / 8
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Measure increments truncated with the scheme's k, for h from 1/2 to 2⁻²⁰, and the step's responses to them."""
+    """Measure increments truncated with the scheme's k, for h from 1/2 to 2⁻²⁰,
+    and the step's responses to them.
+    """
     k, points = scheme.truncation, point_law(scheme.increments)
     if points is not None:
         text = f"{points.name} increments are bounded by {points.bound:.4g} √h: there is nothing to truncate"
@@ -52,7 +60,8 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         return law.finding(Verdict.NOT_APPLICABLE, message="the scheme takes its increments untruncated")
     order = scheme.mean_square_order
     if order is not None and k < 2 * order:
-        # E|ξ − ζ|² ≤ C h^k |ln h|^½ causes a local rms error h^((k+1)/2), and order p needs h^(p + 1/2).
+        # E|ξ − ζ|² ≤ C h^k |ln h|^½ causes a local rms error h^((k+1)/2), and order p needs
+        # h^(p + 1/2).
         return law.finding(
             Verdict.VIOLATED,
             defect=float(k),
@@ -85,7 +94,9 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 
 
 def _ratios(h: float, k: int, seed: int) -> list[tuple[float, str]]:
-    """Return |ζ|, the lost variance and the moments of ζ, each divided by its bound, with descriptions."""
+    """Return |ζ|, the lost variance and the moments of ζ, each divided by its bound,
+    with descriptions.
+    """
     raw = wiener.increments(seed, T=h, steps=1, noises=1, paths=512)
     # Random draws ξ hardly reach A_h, so multiples of the draws are added.
     zeta = bounded.truncate(np.concatenate([raw, 8 * raw]), h, k) / math.sqrt(h)
@@ -107,11 +118,14 @@ def _ratios(h: float, k: int, seed: int) -> list[tuple[float, str]]:
 
 
 def _responses(scheme: Scheme, k: int, seed: int) -> Iterator[tuple[float, str]]:
-    """Yield ½ max/min of the responses |∂y1/∂ΔW_j| (allowed: 1), and a text, for each problem, noise and h."""
+    """Yield ½ max/min of the responses |∂y1/∂ΔW_j| (allowed: 1), and a text, for each problem,
+    noise and h.
+    """
     skipped: list[Skipped] = []
     problems, rng = problems_for(scheme), np.random.default_rng((seed, 2))
     count = sum(np.count_nonzero(problem.c) for problem in problems)
-    # Each noise has one h in each of SIZES parts of the range. Within a part, no two noises have the same place.
+    # Each noise has one h in each of SIZES parts of the range. Within a part, no two noises have
+    # the same place.
     places = rng.permuted(np.tile(np.arange(count), (SIZES, 1)), axis=1) + rng.random((SIZES, count))
     shares = iter(((np.arange(SIZES)[:, None] + places / count) / SIZES).T)
     for problem in problems:
@@ -137,11 +151,14 @@ def _responses(scheme: Scheme, k: int, seed: int) -> Iterator[tuple[float, str]]
 def _steps(
     scheme: Scheme, problem: Problem, j: int, k: int, shares: Array
 ) -> Iterator[tuple[Problem, float, float]]:
-    """Yield for noise j the problem (H divided if a step is too long), h and A_h, at `shares` of the range of log h."""
+    """Yield for noise j the problem (H divided if a step is too long), h and A_h,
+    at `shares` of the range of log h.
+    """
     time, slope = units_for(scheme, problem).time, rates_at(problem, np.array(problem.initial))[1]
 
     def clip(h: float) -> float:
-        # Remark 2.1 needs h < 1. A scheme that clips by h in seconds may have h > 1 here: its |ln h| is used too.
+        # Remark 2.1 needs h < 1. A scheme that clips by h in seconds may have h > 1 here: its |ln
+        # h| is used too.
         return math.sqrt(2 * k * min(abs(math.log(t)) for t in (h / time, h)))
 
     def reach(h: float) -> float:
@@ -160,9 +177,11 @@ def _steps(
 def _weakest(
     scheme: Scheme, problem: Problem, h: float, A: float, j: int, between: int
 ) -> tuple[float, float] | None:
-    """Return ½ max/min of |∂y1/∂ΔW_j| over parts of [−A, A]√h, one of them `between`, and the minimum's |ΔW_j|/√h.
+    """Return ½ max/min of |∂y1/∂ΔW_j| over parts of [−A, A]√h, one of them `between`,
+    and the minimum's |ΔW_j|/√h.
 
-    None if the scheme refuses such steps, or if all responses are below its possible error, as at a rest point.
+    None if the scheme refuses such steps, or if all responses are below its possible error, as at a
+    rest point.
     """
     edges = {-PARTS, 1 - PARTS, -1, 0, 1, PARTS - 1, PARTS, between, between + 1}
     number = np.array(sorted(edges))
@@ -187,7 +206,9 @@ def _weakest(
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """Run the law again with the seed of a witness (a stored counterexample), so that it draws the same steps."""
+    """Run the law again with the seed of a witness (a stored counterexample),
+    so that it draws the same steps.
+    """
     return run(law, scheme, Run(Effort(seed=int(witness.get("seed", 0)))))
 
 

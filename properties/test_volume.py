@@ -1,9 +1,10 @@
 """A step Φ has det Φ′(y0) = 1 wherever the exact flow keeps volume, that is, div(B∇H) = 0.
 
-By Liouville's theorem det φ_θ′ = exp ∫₀^θ div f dt for f = B∇H. Because B is skew, div f = Σ_ij ∂_iB_ij ∂_jH.
-It is 0 for every H if B is constant, for rotations, and for a charge in any magnetic field. The map of J. P.
-Boris (1970) for such a charge keeps volume and is not symplectic (H. Qin et al., Phys. Plasmas 20, 2013).
-Poisson maps and symmetric schemes need not keep volume: for d = 3 the midpoint rule does not.
+By Liouville's theorem det φ_θ′ = exp ∫₀^θ div f dt for f = B∇H. Because B is skew, div f = Σ_ij
+∂_iB_ij ∂_jH. It is 0 for every H if B is constant, for rotations, and for a charge in any magnetic
+field. The map of J. P. Boris (1970) for such a charge keeps volume and is not symplectic (H. Qin et
+al., Phys. Plasmas 20, 2013). Poisson maps and symmetric schemes need not keep volume: for d = 3 the
+midpoint rule does not.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from sepv.problems import build
 from sepv.record import EPS
 from sepv.schemes import Scheme
 
-# A divergence of at most DIVERGENCE_TOLERANCE times its terms counts as 0, because derivatives of B have
-# errors. The bound includes it.
+# A divergence of at most DIVERGENCE_TOLERANCE times its terms counts as 0, because derivatives of B
+# have errors. The bound includes it.
 DIVERGENCE_TOLERANCE = 1e-8
 
 
@@ -32,7 +33,9 @@ def divergence(problem: Problem, y: Array) -> tuple[float, float]:
 
 
 def volume_kept(case: Case) -> Case | None:
-    """Keep a case if its flow keeps volume, and shorten its step to at most half the contraction radius."""
+    """Keep a case if its flow keeps volume, and shorten its step to at most half the contraction
+    radius.
+    """
     problem = build(case.problem)
     for state in places(problem, np.array(case.y)):
         value, size = divergence(problem, state)
@@ -44,11 +47,12 @@ def volume_kept(case: Case) -> Case | None:
 def check(scheme: Scheme, case: Case) -> Measurement:
     """Measure |det Φ′ − 1|, with det from an LU factorisation with partial pivoting.
 
-    The factorisation's error is d u|L||U| with unit roundoff u (Higham, Theorem 9.3). Because |L| ≤ 1,
-    elimination at most doubles a column's largest entry d times, so a column of |U| sums to less than 2^d
-    times this entry of Φ′. det Φ′ is linear in each column D_j and at most the product of their lengths
-    (Hadamard). So column errors E_j change it by at most Π(|D_j| + |E_j|) − Π|D_j|. A div(B∇H) of at most
-    DIVERGENCE_TOLERANCE of its terms counts as 0, and twice its integral over the step is added to the bound.
+    The factorisation's error is d u|L||U| with unit roundoff u (Higham, Theorem 9.3). Because |L|
+    ≤ 1, elimination at most doubles a column's largest entry d times, so a column of |U| sums to
+    less than 2^d times this entry of Φ′. det Φ′ is linear in each column D_j and at most the
+    product of their lengths (Hadamard). So column errors E_j change it by at most Π(|D_j| + |E_j|)
+    − Π|D_j|. A div(B∇H) of at most DIVERGENCE_TOLERANCE of its terms counts as 0, and twice its
+    integral over the step is added to the bound.
     """
     problem, y, h, dW = case.build()
     slope, E, _, y1 = tangent(scheme, case)

@@ -1,25 +1,27 @@
-"""Weak order q: E g(y_N) − E g(y(T)) = O(h^q) for g = y_i and y_i y_j, over paths in which both have the same noise.
+"""Weak order q: E g(y_N) − E g(y(T)) = O(h^q) for g = y_i and y_i y_j,
+over paths in which both have the same noise.
 
-These errors for all g are called means here. Each of the first three statements shows the order q if the last
-is false:
+These errors for all g are called means here. Each of the first three statements shows the order q
+if the last is false:
 
-- The rms error has mean-square order q, because |E g(y_N) − E g(y(T))| ≤ L (E|e|²)^½. This suffices for most
-  schemes.
-- The means fall faster than h^(q − ½) from the coarsest step to the finest. This uses a lower bound of the
-  largest mean at the coarsest step and an upper bound at the finest.
-- q ≥ 2, and at the coarsest step the part of order h^(q − 1) in the means is less than SMALL_MEAN_SHARE times
-  the rms error, with confidence. If errors of paths have a lower order than their means, sampling cannot show
-  the fall of the means; the law "local-weak" shows it by quadrature.
+- The rms error has mean-square order q, because |E g(y_N) − E g(y(T))| ≤ L (E|e|²)^½. This suffices
+  for most schemes.
+- The means fall faster than h^(q − ½) from the coarsest step to the finest. This uses a lower bound
+  of the largest mean at the coarsest step and an upper bound at the finest.
+- q ≥ 2, and at the coarsest step the part of order h^(q − 1) in the means is less than
+  SMALL_MEAN_SHARE times the rms error, with confidence. If errors of paths have a lower order than
+  their means, sampling cannot show the fall of the means; the law "local-weak" shows it by
+  quadrature.
 - The coefficient of h^(q − 1) in the means, extrapolated from three step sizes, is not zero.
 
-The law is violated if the last statement is true and the means fall too slowly. Both conditions are needed: a
-mean may vanish at the coarsest step by chance, and a small coefficient has no visible effect at these step
-sizes. If the means are below their statistical error, the verdict is `inconclusive`, with the number of paths
-needed. But for several Hamiltonians the law then holds if "local-weak" holds, because errors of order ½ often
-hide the means there.
+The law is violated if the last statement is true and the means fall too slowly. Both conditions are
+needed: a mean may vanish at the coarsest step by chance, and a small coefficient has no visible
+effect at these step sizes. If the means are below their statistical error, the verdict is
+`inconclusive`, with the number of paths needed. But for several Hamiltonians the law then holds if
+"local-weak" holds, because errors of order ½ often hide the means there.
 
-For increments with few values nothing is sampled: `sepv.properties._orders.weak_trees` sums E g(y_N) over all
-paths.
+For increments with few values nothing is sampled: `sepv.properties._orders.weak_trees` sums E
+g(y_N) over all paths.
 """
 
 from __future__ import annotations
@@ -41,21 +43,25 @@ from sepv.schemes import Scheme, has_memory, order_of, point_law
 
 # The last words of the message about means with a significant part of too low an order.
 REST_WORDS = "is left"
-# Half the distance between weak orders, which are integers, because the expansion of means is in powers of h.
+# Half the distance between weak orders, which are integers, because the expansion of means is in
+# powers of h.
 MARGIN = 0.5
-# A mean counts as small below this share of the rms error. For the schemes of weak order 1 here it is 0.2 to
-# 0.5.
+# A mean counts as small below this share of the rms error. For the schemes of weak order 1 here it
+# is 0.2 to 0.5.
 SMALL_MEAN_SHARE = 0.15
 # Half the distance between mean-square orders, which are multiples of ½.
 STRONG_MARGIN = 0.25
-# The smallest part of order q − 1 that counts, relative to the largest mean at the finest step. If the part
-# of order q happens to vanish, the error of extrapolation exceeds its remainder (0.009 with hardly any noise,
-# when c h³ remains). If means fall more slowly than the order less MARGIN, the part is 0.8 or more.
+# The smallest part of order q − 1 that counts, relative to the largest mean at the finest step. If
+# the part of order q happens to vanish, the error of extrapolation exceeds its remainder (0.009
+# with hardly any noise, when c h³ remains). If means fall more slowly than the order less MARGIN,
+# the part is 0.8 or more.
 LEAST_PART = 1 / 32
 
 
 def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
-    """Make the test of a weak order by three intervals of error probability alpha/3 (rms error: `hold` if larger)."""
+    """Make the test of a weak order by three intervals of error probability alpha/3 (rms error:
+    `hold` if larger).
+    """
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
         order = order_of(claimed, column(problem))
@@ -100,7 +106,9 @@ def _small(samples: Array, h: Array, lower: Coefficient, alpha: float, more: flo
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Compare the weak order, from sampled paths or all paths of a discrete noise, with the claimed one (default 1)."""
+    """Compare the weak order, from sampled paths or all paths of a discrete noise,
+    with the claimed one (default 1).
+    """
     order = order_of(scheme.weak_order, "general")
     if point_law(scheme.increments) is not None:
         return local_orders.judge(
@@ -116,9 +124,9 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         found.verdict is Verdict.INCONCLUSIVE and REST_WORDS not in found.message and not has_memory(scheme)
     )
     if undecided and scheme.systems is Systems.HAMILTONIANS:
-        # Errors of order ½ of paths may hide the means. The paths contradict nothing, and Milstein's theorem
-        # concludes from one step: G. N. Milstein, Numerical Integration of Stochastic Differential Equations
-        # (1995), §9.
+        # Errors of order ½ of paths may hide the means. The paths contradict nothing, and
+        # Milstein's theorem concludes from one step: G. N. Milstein, Numerical Integration of
+        # Stochastic Differential Equations (1995), §9.
         one_step = local_orders.judge(
             law, scheme, this_run, lambda errors: errors.weak,
             lambda errors: order_of(scheme.weak_order, errors.column), local_orders.mean_slope, 1.0,
@@ -132,7 +140,9 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """Repeat the run of a witness (a stored counterexample): its sampled paths, or the sum over all paths."""
+    """Repeat the run of a witness (a stored counterexample): its sampled paths,
+    or the sum over all paths.
+    """
     drawn: dict[str, Any] = {key: int(witness[key]) for key in ("seed", "paths") if key in witness}
     return run(law, scheme, Run(Effort(**drawn)))
 

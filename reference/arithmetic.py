@@ -1,9 +1,11 @@
-"""Kinds of numbers in which a formula can be evaluated, each with the functions that problems and schemes need.
+"""Kinds of numbers in which a formula can be evaluated,
+each with the functions that problems and schemes need.
 
-A formula is written once, with + − × ÷ and integer powers, and evaluated in binary64, in decimal digits
-(mpmath), in balls (`sepv.reference.balls`) or as a power series (`sepv.reference.series`). No derivative is
-written out: a number may carry an infinitesimal part ε with ε² = 0, and the ε-part of R(x + εv) is R′(x)v.
-In binary64 and in mpmath ε is the imaginary unit times a number so small that its square is lost in any sum.
+A formula is written once, with + − × ÷ and integer powers, and evaluated in binary64, in decimal
+digits (mpmath), in balls (`sepv.reference.balls`) or as a power series (`sepv.reference.series`).
+No derivative is written out: a number may carry an infinitesimal part ε with ε² = 0, and the ε-part
+of R(x + εv) is R′(x)v. In binary64 and in mpmath ε is the imaginary unit times a number so small
+that its square is lost in any sum.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ Rule = Sequence[tuple[Number, Number]]
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """The arithmetic of one kind of numbers: how to make them, and the functions that the problems use.
+    """The arithmetic of one kind of numbers: how to make them,
+    and the functions that the problems use.
 
     Attributes
     ----------
@@ -42,8 +45,8 @@ class Arithmetic:
     dot : (numbers, numbers) -> number
         The scalar product Σ a_i b_i, by the library's own function if it has a faster one.
     tables : (arithmetic, convert), optional
-        A more precise arithmetic that computes the tables of methods with stages, and a function that converts an
-        entry. So the tables have no rounding errors of this arithmetic.
+        A more precise arithmetic that computes the tables of methods with stages, and a function
+        that converts an entry. So the tables have no rounding errors of this arithmetic.
     """
 
     number: Callable[[float], Number]
@@ -60,9 +63,11 @@ class Arithmetic:
 
 
 def total(terms: Iterable[Number]) -> Number:
-    """Sum one or more numbers in their order, without a starting zero, which would be a number of another kind.
+    """Sum one or more numbers in their order, without a starting zero,
+    which would be a number of another kind.
 
-    The built-in `sum` would not do: from Python 3.12 on it compensates the roundings of floats, which changes digits.
+    The built-in `sum` would not do: from Python 3.12 on it compensates the roundings of floats,
+    which changes digits.
     """
     iterator = iter(terms)
     result = next(iterator)
@@ -72,7 +77,9 @@ def total(terms: Iterable[Number]) -> Number:
 
 
 def power(x: Number, k: int) -> Number:
-    """The power x^k, k ≥ 1, by products alone: mpmath's own powers of complex numbers lose a small imaginary part."""
+    """The power x^k, k ≥ 1, by products alone: mpmath's own powers of complex numbers lose a small
+    imaginary part.
+    """
     if k == 1:
         return x
     root = power(x, k // 2)
@@ -81,7 +88,9 @@ def power(x: Number, k: int) -> Number:
 
 @lru_cache(maxsize=8)
 def context(digits: int) -> Any:
-    """An mpmath context of `digits` decimal digits, made once for each value; the global precision is unchanged."""
+    """An mpmath context of `digits` decimal digits, made once for each value;
+    the global precision is unchanged.
+    """
     ctx = mpmath.mp.clone()
     ctx.dps = digits
     return ctx
@@ -89,7 +98,9 @@ def context(digits: int) -> Any:
 
 @lru_cache(maxsize=64)
 def gauss_nodes(nodes: int, digits: int) -> list[tuple[Number, Number]]:
-    """Gauss-Legendre nodes and weights on [0, 1], ascending, by Newton's method on P_n from Tricomi's first guess."""
+    """Gauss-Legendre nodes and weights on [0, 1], ascending,
+    by Newton's method on P_n from Tricomi's first guess.
+    """
     ctx = context(digits + 10)
     roots = []
     for i in range(nodes):
@@ -114,7 +125,9 @@ def _float_nodes(nodes: int) -> list[tuple[float, float]]:
 
 @lru_cache(maxsize=8)
 def decimal(digits: int) -> Arithmetic:
-    """The arithmetic of mpmath with this many digits; ε is 10^−1000 i, which mpmath's unbounded exponents allow."""
+    """The arithmetic of mpmath with this many digits; ε is 10^−1000 i,
+    which mpmath's unbounded exponents allow.
+    """
     ctx = context(digits)
     epsilon = ctx.mpf(10) ** -1000
 
@@ -147,7 +160,8 @@ def decimal(digits: int) -> Arithmetic:
     )
 
 
-# ε in binary64: its square is lost in any sum, and its product with a state down to 1e-180 does not underflow.
+# ε in binary64: its square is lost in any sum, and its product with a state down to 1e-180 does not
+# underflow.
 _EPSILON = 2.0**-400
 
 
@@ -178,16 +192,23 @@ BINARY64 = Arithmetic(
     slope=lambda x: x.imag / _EPSILON if isinstance(x, complex) else 0.0,
     tables=(decimal(30), float),
 )
-"""The arithmetic of floats, for first guesses and Jacobians only. Its functions raise ArithmeticError or ValueError."""
+"""The arithmetic of floats, for first guesses and Jacobians only.
+
+Its functions raise ArithmeticError or ValueError.
+"""
 
 
 def sinc_slope(x: Number, cos: Number, sinc: Number) -> Number:
-    """The derivative sinc′(x) = (cos x − sinc x)/x; for |x| < 1e-3 its series, to 1e-10, enough for Jacobians."""
+    """The derivative sinc′(x) = (cos x − sinc x)/x; for |x| < 1e-3 its series, to 1e-10,
+    enough for Jacobians.
+    """
     return -x / 3 * (1 - x * x / 10) if abs(x) < 1e-3 else (cos - sinc) / x
 
 
 def log1p_ratio_slope(x: Number, value: Number) -> Number:
-    """The derivative (1/(1 + x) − log(1 + x)/x)/x of log(1 + x)/x; for |x| < 1e-3 its series, to about 1e-12."""
+    """The derivative (1/(1 + x) − log(1 + x)/x)/x of log(1 + x)/x; for |x| < 1e-3 its series,
+    to about 1e-12.
+    """
     if abs(x) < 1e-3:
         return -1 / 2 + x * (2 / 3 - x * (3 / 4 - x * (4 / 5)))
     return (1 / (1 + x) - value) / x

@@ -1,4 +1,6 @@
-"""Ball arithmetic by python-flint's Arb: each computed ball contains the exact value. It needs the extra `certify`."""
+"""Ball arithmetic by python-flint's Arb: each computed ball contains the exact value.
+It needs the extra `certify`.
+"""
 
 from __future__ import annotations
 
@@ -39,14 +41,18 @@ def require_flint() -> Any:
 
 @contextmanager
 def precision(bits: int) -> Iterator[Any]:
-    """Run a `with` block in which Arb works with this many bits; flint's earlier setting is restored at its end."""
+    """Run a `with` block in which Arb works with this many bits;
+    flint's earlier setting is restored at its end.
+    """
     flint = require_flint()
     with flint.ctx.workprec(bits):
         yield flint
 
 
 def from_mpf(x: Any) -> Any:
-    """Convert an mpmath number to a ball; its radius is 0 if Arb's precision holds all bits of the number."""
+    """Convert an mpmath number to a ball; its radius is 0 if Arb's precision holds all bits of the
+    number.
+    """
     flint = require_flint()
     sign, man, exp, _ = x._mpf_
     return flint.arb(flint.fmpz(-int(man) if sign else int(man))) * flint.arb(2) ** int(exp)
@@ -60,9 +66,11 @@ def ball(radius: Any) -> Any:
 
 @lru_cache(maxsize=8)
 def real_balls(bits: int) -> Arithmetic:
-    """The arithmetic of real balls, for use within `precision(bits)`; ε is the variable of a power series cut after ε.
+    """The arithmetic of real balls, for use within `precision(bits)`;
+    ε is the variable of a power series cut after ε.
 
-    The arithmetic is cached for each number of bits, so that its tables of quadrature nodes are computed once.
+    The arithmetic is cached for each number of bits, so that its tables of quadrature nodes are
+    computed once.
     """
     del bits
     flint = require_flint()
@@ -77,7 +85,9 @@ def real_balls(bits: int) -> Arithmetic:
         return of
 
     def log1p_ratio(x: Number) -> Number:
-        """Enclose log(1 + x)/x for a ball x by the values at both ends of x, because the function decreases."""
+        """Enclose log(1 + x)/x for a ball x by the values at both ends of x,
+        because the function decreases.
+        """
         ends = [e.log1p() / e if e != 0 else arb(1) for e in (x.lower(), x.upper())]
         return ends[0].union(ends[1])
 
@@ -100,7 +110,9 @@ def real_balls(bits: int) -> Arithmetic:
 
 @lru_cache(maxsize=8)
 def complex_balls(bits: int) -> Arithmetic:
-    """The arithmetic of complex balls, to bound ∇H and B off the real axis, with only the functions that these need."""
+    """The arithmetic of complex balls, to bound ∇H and B off the real axis,
+    with only the functions that these need.
+    """
     acb = require_flint().acb
     nodes = real_balls(bits).gauss
 
@@ -121,7 +133,9 @@ def complex_balls(bits: int) -> Arithmetic:
 
 
 def _sinc_slope(x: Any) -> Any:
-    """Enclose sinc′(x): −x/3 ± |x|³/30 (a series) if x is small, else ±1/2 if 0 is in x, else (cos x − sinc x)/x."""
+    """Enclose sinc′(x): −x/3 ± |x|³/30 (a series) if x is small, else ±1/2 if 0 is in x,
+    else (cos x − sinc x)/x.
+    """
     size = abs(x).upper()
     if size < 1e-3:
         return -x / 3 + ball(size * size * size / 30)
@@ -129,7 +143,9 @@ def _sinc_slope(x: Any) -> Any:
 
 
 def _log1p_ratio_slope(x: Any, value: Any) -> Any:
-    """Enclose q′(x) = −∫₀¹τ(1 + τx)⁻²dτ, q = log(1 + x)/x: −½ ± (2/3)|x|(1 − |x|)⁻³ near 0, else (1/(1 + x) − q)/x."""
+    """Enclose q′(x) = −∫₀¹τ(1 + τx)⁻²dτ, q = log(1 + x)/x: −½ ± (2/3)|x|(1 − |x|)⁻³ near 0,
+    else (1/(1 + x) − q)/x.
+    """
     size = abs(x).upper()
     if size < 1e-3 or (x.contains(0) and size < 1):
         return ball(size * 2 / 3 / (1 - size) ** 3) - require_flint().arb(0.5)

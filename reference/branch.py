@@ -1,10 +1,12 @@
-"""Continuation of an implicit step's solution from y0 while the step grows from zero, up to a fold if there is one.
+"""Continuation of an implicit step's solution from y0 while the step grows from zero,
+up to a fold if there is one.
 
-The equation of an implicit scheme has one solution near y0 if the random step Δ = h + Σ c_j ΔW_j is small. Let the
-step be t(h, ΔW) with t growing from 0 to 1. The solution moves with t, and may meet another solution at a fold, where
-the Jacobian is singular and the curve of solutions turns back. No solution for a larger t continues this curve.
-A solution may still exist, after a second fold or on another curve: if {H = H(y0)} is bounded, there is one for every
-Δ (Leray and Schauder). A solver that returns it has changed branches.
+The equation of an implicit scheme has one solution near y0 if the random step Δ = h + Σ c_j ΔW_j is
+small. Let the step be t(h, ΔW) with t growing from 0 to 1. The solution moves with t, and may meet
+another solution at a fold, where the Jacobian is singular and the curve of solutions turns back. No
+solution for a larger t continues this curve. A solution may still exist, after a second fold or on
+another curve: if {H = H(y0)} is bounded, there is one for every Δ (Leray and Schauder). A solver
+that returns it has changed branches.
 """
 
 from __future__ import annotations
@@ -18,12 +20,14 @@ from sepv.reference.problem import Description, ExactProblem, binary64_problem
 from sepv.reference.solve import BROKEN, Root, largest, newton
 
 _FIRST, _LEAST = 1 / 16, 1e-14
-# A solution that moves by more than this fraction of its size in one step of t may lie on another branch.
+# A solution that moves by more than this fraction of its size in one step of t may lie on another
+# branch.
 _JUMP = 0.05
 
 
 class Branch(NamedTuple):
-    """The end of a branch of solutions: the fraction t of the step (h, ΔW) that was reached, 1 for the whole step.
+    """The end of a branch of solutions: the fraction t of the step (h, ΔW) that was reached,
+    1 for the whole step.
 
     `x` holds the unknowns of the equation at this t, in floats.
     """
@@ -64,7 +68,9 @@ def follow(
 def _at(
     equation: Equation, problem: ExactProblem, y0: Vector, step: Step, x: Vector, scale: float
 ) -> Vector | None:
-    """The solution of the step near the unknowns x, or None if Newton's method finds none or one too far from x."""
+    """The solution of the step near the unknowns x, or None if Newton's method finds none or one
+    too far from x.
+    """
     assert equation.residual is not None
     residual = equation.residual
     try:

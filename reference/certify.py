@@ -1,12 +1,13 @@
-"""Certificates: a proof, by ball arithmetic, that the equation of a step has exactly one solution near a reference.
+"""Certificates: a proof, by ball arithmetic, that the equation of a step has exactly one solution
+near a reference.
 
 Krawczyk's operator of F on the box X = x̃ + [−r, r]ⁿ is
 
     K(X) = x̃ − Y F(x̃) + (I − Y F′(X))(X − x̃),   Y ≈ F′(x̃)⁻¹.
 
 If K(X) lies in the interior of X, then F has exactly one zero in X, and it lies in K(X) (Neumaier,
-*Interval Methods for Systems of Equations*, Theorem 5.1.8). K(X) is evaluated in balls, so that the proof covers
-rounding. The function F is the residual of `sepv.reference.equations`, unchanged.
+*Interval Methods for Systems of Equations*, Theorem 5.1.8). K(X) is evaluated in balls, so that the
+proof covers rounding. The function F is the residual of `sepv.reference.equations`, unchanged.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from sepv.reference.steps import ReferenceStep
 from sepv.errors import SepvError
 
 BITS = 500
-# The radius of the box X relative to the largest component; the files of reference vectors promise this radius.
+# The radius of the box X relative to the largest component; the files of reference vectors promise
+# this radius.
 RADIUS = 1e-46
 
 
@@ -40,7 +42,8 @@ class Certificate:
     Attributes
     ----------
     radius : ball
-        The radius r: the equation has exactly one solution with every unknown within r of the reference.
+        The radius r: the equation has exactly one solution with every unknown within r of the
+        reference.
     y1 : d balls
         Balls that contain the components of the solution.
     energy : ball
@@ -99,7 +102,8 @@ def certify(
     UsageError
         If python-flint is not installed.
     NotCertified
-        If Krawczyk's operator does not map the box into its interior, or the centre x̃ is outside of the box.
+        If Krawczyk's operator does not map the box into its interior, or the centre x̃ is outside
+        of the box.
     """
     with precision(bits):
         problem = in_arithmetic(data, real_balls(bits))
@@ -131,7 +135,8 @@ def certify(
 def _krawczyk(
     problem: ExactProblem, y0: Vector, parts: Step, step: ReferenceStep, radius: float
 ) -> tuple[Vector, Any, Any]:
-    """The enclosure K(K(…X)) of the solution, the radius r of uniqueness and the contraction ‖I − YF′(X)‖.
+    """The enclosure K(K(…X)) of the solution, the radius r of uniqueness and the contraction ‖I
+    − YF′(X)‖.
 
     Raises NotCertified if Krawczyk's test fails.
     """
@@ -155,12 +160,14 @@ def _krawczyk(
         raise NotCertified("The Jacobian at the reference is singular.") from broken
     defect = matrix(n, n, [int(i == j) for i in range(n) for j in range(n)]) - Y * slopes
     contraction = max((sum(map(abs, row), arb(0)).upper() for row in defect.tolist()), key=float)
-    # One Newton step improves the centre of the box from the precision of the reference to that of the balls.
+    # One Newton step improves the centre of the box from the precision of the reference to that of
+    # the balls.
     start = matrix([[v] for v in residual(reference)])
     centre = [(v - c).mid() for v, c in zip(reference, (Y * start).entries(), strict=True)]
     moved = (Y * matrix([[v + ball(error)] for v in residual(centre)])).entries()
     inner = krawczyk_image(defect, moved, centre, box)
-    # The zero lies in K(X), so in K(K(X)), and so on. The images shrink by the contraction factor, down to rounding.
+    # The zero lies in K(X), so in K(K(X)), and so on. The images shrink by the contraction factor,
+    # down to rounding.
     widest, least = max(v.rad() for v in inner), size * arb(2) ** -flint.ctx.prec
     while widest > least:
         inner = _image(defect, moved, centre, inner)
@@ -172,10 +179,12 @@ def _krawczyk(
 
 
 def krawczyk_image(defect: Any, moved: Vector, centre: Vector, box: Vector) -> Vector:
-    """Return Krawczyk's image K(X) of a box X, after a check that x̃ lies in X and K(X) in the interior of X.
+    """Return Krawczyk's image K(X) of a box X, after a check that x̃ lies in X and K(X)
+    in the interior of X.
 
-    The proof expands F about the centre x̃ by the mean value theorem; F′(X) encloses the slope between x̃ and any x in
-    X. If x̃ is outside X, F′(X) need not contain that slope, and K(X) may lie in X though F has no zero in X.
+    The proof expands F about the centre x̃ by the mean value theorem; F′(X) encloses the slope
+    between x̃ and any x in X. If x̃ is outside X, F′(X) need not contain that slope, and K(X) may
+    lie in X though F has no zero in X.
 
     Parameters
     ----------

@@ -1,6 +1,7 @@
 """Closed forms of the exact flow: rotation, and Jacobi's elliptic functions, at any precision.
 
-These formulas evaluate no B or ∇H, and share with the Taylor series of `sepv.reference.flow` only the problem.
+These formulas evaluate no B or ∇H, and share with the Taylor series of `sepv.reference.flow` only
+the problem.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ Form = Callable[[Any, Parameters, Vector, Number], Vector]
 def closed_form(data: Description, y: Sequence[float], theta: float, digits: int = 50) -> Vector:
     """The exact flow φ_θ(y) from its formula, to `digits` digits of the largest component.
 
-    Near a separatrix, where the parameter m of the elliptic functions is near 1, the formulas lose digits. They are
-    then evaluated with 2 log10(1/|1 − m|) digits more.
+    Near a separatrix, where the parameter m of the elliptic functions is near 1, the formulas lose
+    digits. They are then evaluated with 2 log10(1/|1 − m|) digits more.
 
     Raises
     ------
@@ -59,7 +60,9 @@ def has_closed_form(data: Description) -> bool:
 
 
 def _to_separatrix(ctx: Any, data: NamedProblem, y: Sequence[float]) -> Number:
-    """The distance |1 − m| of the elliptic parameter m from the separatrix, m = 1, on which the formulas hold too."""
+    """The distance |1 − m| of the elliptic parameter m from the separatrix, m = 1,
+    on which the formulas hold too.
+    """
     state, parameters = [ctx.mpf(float(v)) for v in y], dict(data.parameters)
     if data.name == "pendulum":
         return abs(1 - _pendulum_modulus(ctx, state[0], state[1]))
@@ -91,7 +94,8 @@ def _pendulum(ctx: Any, _: Parameters, y: Vector, theta: Number) -> Vector:
     """The exact flow of the pendulum by elliptic functions.
 
     Libration, k ≤ 1: sin(q/2) = k sn(θ + u0, k²), p = 2k cn. Rotation, k > 1, with s the sign of p:
-    q = 2s am(kθ + u0, 1/k²), p = 2sk dn. The modulus k and the phase u0 follow from the initial state.
+    q = 2s am(kθ + u0, 1/k²), p = 2sk dn. The modulus k and the phase u0 follow from the initial
+    state.
     """
     p, q = y
     turns = ctx.nint(q / (2 * ctx.pi))
@@ -112,9 +116,10 @@ def _pendulum(ctx: Any, _: Parameters, y: Vector, theta: Number) -> Vector:
 class _Body:
     """A rigid body with the axes sorted so that I_a < I_b < I_c, and the invariants of its motion.
 
-    y_a′ = −σA_a y_b y_c, y_b′ = σA_b y_a y_c, y_c′ = −σA_c y_a y_b with A_a = 1/I_b − 1/I_c, A_b = 1/I_a − 1/I_c,
-    A_c = 1/I_a − 1/I_b, and σ is the sign of the permutation. K_a = y_a²/A_a + y_b²/A_b and K_c = y_c²/A_c + y_b²/A_b
-    are conserved. If K_a > K_c, a and c are exchanged, so that the elliptic parameter m = K_a/K_c ≤ 1.
+    y_a′ = −σA_a y_b y_c, y_b′ = σA_b y_a y_c, y_c′ = −σA_c y_a y_b with A_a = 1/I_b
+    − 1/I_c, A_b = 1/I_a − 1/I_c, A_c = 1/I_a − 1/I_b, and σ is the sign of the permutation.
+    K_a = y_a²/A_a + y_b²/A_b and K_c = y_c²/A_c + y_b²/A_b are conserved. If K_a > K_c, a
+    and c are exchanged, so that the elliptic parameter m = K_a/K_c ≤ 1.
     """
 
     def __init__(self, ctx: Any, inertia: Vector, y: Vector) -> None:
@@ -137,7 +142,8 @@ class _Body:
 def _rigid_body(ctx: Any, parameters: Parameters, y: Vector, theta: Number) -> Vector:
     """The exact flow of the rigid body by elliptic functions, with the symbols of `_Body`.
 
-    y_c = s√(A_cK_c) dn, y_a = √(A_aK_a) cn, y_b = σs√(A_bK_a) sn of (λθ + u0, m), λ² = A_aA_bA_cK_c, s the sign of y_c.
+    y_c = s√(A_cK_c) dn, y_a = √(A_aK_a) cn, y_b = σs√(A_bK_a) sn of (λθ + u0, m),
+    λ² = A_aA_bA_cK_c, s the sign of y_c.
     """
     body = _Body(ctx, parameters["inertia"], y)
     a, b, c, A, K, m = body.a, body.b, body.c, body.A, body.K, body.m

@@ -1,7 +1,8 @@
 """The schemes as equations, in the form in which papers print them, for numbers of any arithmetic.
 
-An implicit scheme is residual(x) = 0 in its unknown x, and y1 = result(x); an explicit scheme has no unknown.
-The equations are independent of the code of `sepv.schemes`, which this module does not import.
+An implicit scheme is residual(x) = 0 in its unknown x, and y1 = result(x); an explicit scheme has
+no unknown. The equations are independent of the code of `sepv.schemes`, which this module does not
+import.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ from sepv.reference.tableau import stage_table, weighted_rule
 
 
 class Step(NamedTuple):
-    """One step: its size h, the noise S = Σ c_j ΔW_j and the random step Δ = h + S, in the problem's arithmetic."""
+    """One step: its size h, the noise S = Σ c_j ΔW_j and the random step Δ = h + S,
+    in the problem's arithmetic.
+    """
 
     h: Number
     S: Number
@@ -33,7 +36,8 @@ Residual = Callable[[ExactProblem, Vector, Step, Vector], Vector]
 
 @dataclass(frozen=True)
 class Equation:
-    """A one-step method as an equation residual(x) = 0 for its unknowns x, with the step's end y1 = result(x).
+    """A one-step method as an equation residual(x) = 0 for its unknowns x,
+    with the step's end y1 = result(x).
 
     Attributes
     ----------
@@ -41,11 +45,13 @@ class Equation:
         None for an explicit method.
     result : (problem, y0, step, x) -> y1
     blocks : int
-        x has blocks · d components. blocks is 1, or the number of stages, or 0 for an explicit method.
+        x has blocks · d components. blocks is 1, or the number of stages, or 0 for an explicit
+        method.
     of_increments : bool
         True if x holds increments, which vanish with Δ; False if x is y1.
     nodes : int
-        The number of quadrature nodes of a method with stages if H is not a polynomial; 0 if the rule is exact.
+        The number of quadrature nodes of a method with stages if H is not a polynomial; 0 if the
+        rule is exact.
     """
 
     name: str
@@ -58,7 +64,9 @@ class Equation:
 
 
 def make_step(problem: ExactProblem, h: float, dW: tuple[float, ...]) -> Step:
-    """The `Step` with the size h and the noise increments dW, each converted exactly from binary64."""
+    """The `Step` with the size h and the noise increments dW, each converted exactly from
+    binary64.
+    """
     exact = problem.number(h)
     S = total([problem.number(0.0), *(c * problem.number(w) for c, w in zip(problem.noise, dW, strict=True))])
     return Step(exact, S, exact + S, tuple(problem.number(w) for w in dW))
@@ -70,7 +78,9 @@ def _middle(problem: ExactProblem, y0: Vector, y1: Vector) -> Vector:
 
 
 def _one_step(right: Residual) -> Residual:
-    """The equation of a one-step method y1 = y0 + right(y1): its residual is y1 − y0 − right(y1)."""
+    """The equation of a one-step method y1 = y0 + right(y1): its residual is y1 − y0
+    − right(y1).
+    """
     return lambda problem, y0, step, y1: [
         b - a - r for a, b, r in zip(y0, y1, right(problem, y0, step, y1), strict=True)
     ]
@@ -101,13 +111,16 @@ def _midpoint(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vect
 
 
 def coordinate_increments(problem: ExactProblem, y0: Vector, y1: Vector) -> Vector:
-    """The discrete gradient ∇̄₁H(y0, y1): entry i averages ∂_iH as y_i moves, with earlier components already at y1."""
+    """The discrete gradient ∇̄₁H(y0, y1): entry i averages ∂_iH as y_i moves,
+    with earlier components already at y1.
+    """
     corners = [[*y1[:i], *y0[i:]] for i in range(len(y0) + 1)]
     return [problem.mean_gradient(corners[i], corners[i + 1])[i] for i in range(len(y0))]
 
 
 def _discrete_gradient(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
-    """The increment of §4's discrete gradient method: (h B(y0) + S B((y0 + y1)/2)) ½(∇̄₁H(y0, y1) + ∇̄₁H(y1, y0)).
+    """The increment of §4's discrete gradient method: (h B(y0) + S B((y0 + y1)/2))
+    ½(∇̄₁H(y0, y1) + ∇̄₁H(y1, y0)).
 
     ∇̄₁H is that of `coordinate_increments`, and S = Σ c_j ΔW_j.
     """
@@ -118,21 +131,27 @@ def _discrete_gradient(problem: ExactProblem, y0: Vector, step: Step, y1: Vector
 
 
 def _euler_heun(problem: ExactProblem, y0: Vector, step: Step, _: Vector) -> Vector:
-    """One step of Euler-Heun, §4: y0 + h f(y0) + ½ S (f(ŷ) + f(y0)), ŷ = y0 + (h + S) f(y0), S = Σ c_j ΔW_j."""
+    """One step of Euler-Heun, §4: y0 + h f(y0) + ½ S (f(ŷ) + f(y0)), ŷ = y0 + (h + S) f(y0),
+    S = Σ c_j ΔW_j.
+    """
     f0 = problem.field(y0)
     predicted = _plus(y0, _times(step.delta, f0))
     return _plus(y0, _times(step.h, f0), _times(step.S, _middle(problem, problem.field(predicted), f0)))
 
 
 def _milstein(problem: ExactProblem, y0: Vector, step: Step, _: Vector) -> Vector:
-    """Milstein, S = Σc_jΔW_j: y0 + f Δ + ½ f′f S², in Itô form y0 + (f + ½Σc_j² f′f)h + f S + ½ f′f (S² − Σc_j² h)."""
+    """Milstein, S = Σc_jΔW_j: y0 + f Δ + ½ f′f S², in Itô form y0 + (f + ½Σc_j² f′f)h + f S + ½ f′f
+    (S² − Σc_j² h).
+    """
     f0 = problem.field(y0)
     half_S2 = problem.number(0.5) * step.S * step.S
     return _plus(y0, _times(step.delta, f0), _times(half_S2, problem.field_slope(y0, f0)))
 
 
 def _euler_maruyama(problem: ExactProblem, y0: Vector, step: Step, _: Vector) -> Vector:
-    """One step of Euler-Maruyama, §4, in Itô form: y0 + (f + ½Σc_j² f′f)h + f S with S = Σ c_j ΔW_j."""
+    """One step of Euler-Maruyama, §4, in Itô form: y0 + (f + ½Σc_j² f′f)h + f S with S = Σ c_j
+    ΔW_j.
+    """
     f0 = problem.field(y0)
     correction = problem.number(0.5) * total([problem.number(0.0), *(c * c for c in problem.noise)]) * step.h
     return _plus(y0, _times(step.delta, f0), _times(correction, problem.field_slope(y0, f0)))
@@ -151,7 +170,9 @@ def combined(y0: Vector, weights: Vector, K: list[Vector]) -> Vector:
 
 @cache
 def gauss(stages: int) -> Equation:
-    """The s-stage Gauss Runge-Kutta method with step Δ: K_i = Δ f(y0 + Σ a_ij K_j), y1 = y0 + Σ b_j K_j."""
+    """The s-stage Gauss Runge-Kutta method with step Δ: K_i = Δ f(y0 + Σ a_ij K_j),
+    y1 = y0 + Σ b_j K_j.
+    """
 
     def residual(problem: ExactProblem, y0: Vector, step: Step, x: Vector) -> Vector:
         table, K = stage_table(stages, problem.arithmetic), in_blocks(x, stages)
@@ -170,9 +191,10 @@ def gauss(stages: int) -> Equation:
 def collocation(stages: int, nodes: int = 0) -> Equation:
     """The s-stage energy-preserving collocation method with Gauss nodes c_i and step Δ.
 
-    Cohen and Hairer (BIT 51, 2011): u is the polynomial of degree s with u(0) = y0 and u′(c_i) = Δ B(u(c_i)) ∫₀¹
-    (ℓ_i(τ)/b_i) ∇H(u(τ))dτ, where ℓ_i is the Lagrange basis; y1 = u(1). The unknowns are K_i = u′(c_i). If H has degree
-    ν, the integrand has degree sν − 1; if H is not a polynomial, `nodes` quadrature nodes are used.
+    Cohen and Hairer (BIT 51, 2011): u is the polynomial of degree s with u(0) = y0 and u′(c_i) = Δ
+    B(u(c_i)) ∫₀¹ (ℓ_i(τ)/b_i) ∇H(u(τ))dτ, where ℓ_i is the Lagrange basis; y1 = u(1). The unknowns
+    are K_i = u′(c_i). If H has degree ν, the integrand has degree sν − 1; if H is not a polynomial,
+    `nodes` quadrature nodes are used.
     """
 
     def residual(problem: ExactProblem, y0: Vector, step: Step, x: Vector) -> Vector:
@@ -207,7 +229,9 @@ def collocation(stages: int, nodes: int = 0) -> Equation:
 
 
 def _one_stage(problem: ExactProblem, y0: Vector, step: Step, K: Vector) -> Vector:
-    """The residual for one stage: scheme (2.1) with y1 = y0 + K, whose averaged gradient has a closed form."""
+    """The residual for one stage: scheme (2.1) with y1 = y0 + K,
+    whose averaged gradient has a closed form.
+    """
     right = _energy_preserving(problem, y0, step, _plus(y0, K))
     return [k - r for k, r in zip(K, right, strict=True)]
 

@@ -1,4 +1,6 @@
-"""Equations of schemes for special classes of systems, to be passed to `sepv.reference.steps.reference_step`."""
+"""Equations of schemes for special classes of systems,
+to be passed to `sepv.reference.steps.reference_step`.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ from sepv.problem import Systems
 
 
 def _both_invariants(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
-    """The residual y1 − y0 − Δ g((y0 + y1)/2) (∇̄H × ∇̄C), both gradients averaged, for B(y)v = g(y)(v × ∇C(y))."""
+    """The residual y1 − y0 − Δ g((y0 + y1)/2) (∇̄H × ∇̄C), both gradients averaged,
+    for B(y)v = g(y)(v × ∇C(y)).
+    """
     if problem.factor is None or problem.mean_casimir_gradient is None:
         raise UsageError(
             expected="a problem with a Casimir and a factor in dimension 3",
@@ -26,7 +30,9 @@ def _both_invariants(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) 
 
 
 def _several_structures(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
-    """The residual y1 − y0 − [h B(ȳ) + Σ c_j ΔW_j G_j(ȳ)] ∇̄H, ȳ = (y0 + y1)/2; G_j = B if there is one structure."""
+    """The residual y1 − y0 − [h B(ȳ) + Σ c_j ΔW_j G_j(ȳ)] ∇̄H, ȳ = (y0 + y1)/2;
+    G_j = B if there is one structure.
+    """
     half = problem.number(0.5)
     middle = [half * (a + b) for a, b in zip(y0, y1, strict=True)]
     B, mean = problem.structure(middle), problem.mean_gradient(y0, y1)
@@ -41,7 +47,9 @@ def _several_structures(problem: ExactProblem, y0: Vector, step: Step, y1: Vecto
 
 
 def equation_for(systems: Systems, stages: int = 1) -> str | Equation:
-    """The reference equation of a scheme with `stages` stages for the class of systems `systems`."""
+    """The reference equation of a scheme with `stages` stages for the class of systems
+    `systems`.
+    """
     if systems is Systems.NAMBU:
         return BOTH_INVARIANTS
     if systems is Systems.SEVERAL:

@@ -1,4 +1,6 @@
-"""The Hamiltonian H in extended precision for every problem description, also for those of the hard cases."""
+"""The Hamiltonian H in extended precision for every problem description,
+also for those of the hard cases.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ from sepv.problem import NamedProblem
 
 @lru_cache(maxsize=64)
 def exact_energy(data: AnyDescription, digits: int = 40) -> Callable[[Sequence[float]], Any]:
-    """A function that maps a binary64 state to its Hamiltonian H, as an mpmath number of this many digits.
+    """A function that maps a binary64 state to its Hamiltonian H,
+    as an mpmath number of this many digits.
 
     Raises
     ------

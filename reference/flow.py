@@ -1,7 +1,9 @@
-"""The exact flow y(θ) of y′ = B(y)∇H(y), which is the solution of (1.1) at the random time θ(t) = t + Σ_j c_j W_j(t).
+"""The exact flow y(θ) of y′ = B(y)∇H(y), which is the solution of (1.1)
+at the random time θ(t) = t + Σ_j c_j W_j(t).
 
-There are three methods. Taylor series in mpmath (`taylor`) and Taylor series with all errors enclosed in balls
-(`enclosed`) share only the problem's formulas. Closed forms (`sepv.reference.elliptic`) do not use these formulas.
+There are three methods. Taylor series in mpmath (`taylor`) and Taylor series with all errors
+enclosed in balls (`enclosed`) share only the problem's formulas. Closed forms
+(`sepv.reference.elliptic`) do not use these formulas.
 """
 
 from __future__ import annotations
@@ -28,11 +30,13 @@ class FlowNotReached(SepvError, ArithmeticError):
 
 
 def taylor(data: Description, y: Sequence[float], theta: float, digits: int = 50) -> Vector:
-    """The exact flow φ_θ(y) by Taylor series in mpmath, to `digits` digits of the largest component on the way.
+    """The exact flow φ_θ(y) by Taylor series in mpmath,
+    to `digits` digits of the largest component on the way.
 
-    Order and step follow Jorba and Zou (Experimental Mathematics 14, 2005): the order is ln(1/ε)/2, and the step is e⁻²
-    times the radius of convergence that the last coefficients show, so that the last term is about ε. Guard digits, 15
-    + 2 log10(1 + |θ|), cover the sums and the growth of errors along the flow; `enclosed` proves the result.
+    Order and step follow Jorba and Zou (Experimental Mathematics 14, 2005): the order is ln(1/ε)/2,
+    and the step is e⁻² times the radius of convergence that the last coefficients show, so that the
+    last term is about ε. Guard digits, 15 + 2 log10(1 + |θ|), cover the sums and the growth of
+    errors along the flow; `enclosed` proves the result.
 
     Raises
     ------
@@ -69,7 +73,9 @@ def taylor(data: Description, y: Sequence[float], theta: float, digits: int = 50
 
 
 def _step(ctx: Any, coefficients: list[Vector], order: int) -> Any:
-    """The step, e⁻² times the radius of convergence that the last two coefficients show; None if both are zero."""
+    """The step, e⁻² times the radius of convergence that the last two coefficients show;
+    None if both are zero.
+    """
     size = max(abs(row[0]) for row in coefficients) or ctx.one
     radii = []
     for k in (order - 1, order):
@@ -87,11 +93,13 @@ def _not_reached(theta: float, left: float, why: str) -> FlowNotReached:
 
 
 def enclosed(data: Description, y: Sequence[float], theta: float, digits: int = 50, bits: int = 0) -> Vector:
-    """Balls that provably contain the exact flow φ_θ(y), with radii of at most 10^−digits of the largest component.
+    """Balls that provably contain the exact flow φ_θ(y),
+    with radii of at most 10^−digits of the largest component.
 
-    Each step of length s is a Taylor polynomial in balls with Lagrange's remainder f^[N](Y) s^N, where Y contains
-    the solution over the whole step because y + [0, s] f(Y) lies inside Y (Picard and Lindelöf). The balls grow
-    along the flow. No method keeps them small; instead the computation has enough additional bits.
+    Each step of length s is a Taylor polynomial in balls with Lagrange's remainder f^[N](Y) s^N,
+    where Y contains the solution over the whole step because y + [0, s] f(Y) lies inside Y (Picard
+    and Lindelöf). The balls grow along the flow. No method keeps them small; instead the
+    computation has enough additional bits.
 
     Raises
     ------
@@ -100,7 +108,8 @@ def enclosed(data: Description, y: Sequence[float], theta: float, digits: int = 
     FlowNotReached
     """
     require_digits(digits)
-    # The remainder of a step grows with the balls: by two digits per unit of θ for Lotka-Volterra, less for others.
+    # The remainder of a step grows with the balls: by two digits per unit of θ for Lotka-Volterra,
+    # less for others.
     working = digits + 15 + int(4 * abs(theta))
     bits = bits or int(3.33 * working) + 200
     order = int(working * math.log(10) / 2) + 20
@@ -121,7 +130,9 @@ def enclosed(data: Description, y: Sequence[float], theta: float, digits: int = 
 def _enclosed_step(
     problem: ExactProblem, state: Vector, left: Any, order: int, digits: int
 ) -> tuple[Any, Vector]:
-    """Take a step of at most `left`, the remaining time; return the step's length and balls with the solution."""
+    """Take a step of at most `left`, the remaining time;
+    return the step's length and balls with the solution.
+    """
     series = solution_series(problem.data, problem.arithmetic, state, order - 1)
     size = max(abs(v).upper() for v in state)
     last = max(abs(row[-1]).upper() for row in series)
@@ -130,7 +141,8 @@ def _enclosed_step(
     if abs(left) > math.exp(-2) * radius:
         step = problem.number(math.copysign(math.exp(-2) * radius, float(left)))
     speed = max(abs(v).upper() for v in problem.field(state))
-    # Near a rest point the rounding of the balls exceeds the movement, so that the box must allow for it.
+    # Near a rest point the rounding of the balls exceeds the movement, so that the box must allow
+    # for it.
     rounding = size * problem.number(2.0) ** (30 - require_flint().ctx.prec)
     for _ in range(60):
         box = [v + ball(2 * abs(step) * speed + rounding) for v in state]

@@ -1,9 +1,11 @@
-"""The exact power series in h of E g(y(h) − y0): Σ_k h^k/k! (L^k g)(y0) with the generator L of the system.
+"""The exact power series in h of E g(y(h) − y0): Σ_k h^k/k! (L^k g)(y0)
+with the generator L of the system.
 
-For dy = F_0 dt + Σ_j F_j∘dW_j the generator is L = A_0 + ½ Σ_j A_j², A_j = F_j·∇, with F_0 = B∇H and F_j = c_j B∇H,
-c_j G_j∇H (several structures), c_j B∇H_j (several Hamiltonians) or c_j g_j (additive noise). For polynomial data and
-monomials in x = y − y0 all coefficients are rational numbers, and (L^k x^α)(y0) obeys a recursion in k. Let L x^α = Σ_β
-ℓ_αβ x^β. Because L lowers degrees by two at most,
+For dy = F_0 dt + Σ_j F_j∘dW_j the generator is L = A_0 + ½ Σ_j A_j², A_j = F_j·∇, with F_0 = B∇H
+and F_j = c_j B∇H, c_j G_j∇H (several structures), c_j B∇H_j (several Hamiltonians) or c_j g_j
+(additive noise). For polynomial data and monomials in x = y − y0 all coefficients are rational
+numbers, and (L^k x^α)(y0) obeys a recursion in k. Let L x^α = Σ_β ℓ_αβ x^β. Because L lowers
+degrees by two at most,
 
     (L^(k+1) x^α)(y0) = Σ_β ℓ_αβ (L^k x^β)(y0),    (L^k x^β)(y0) = 0 for |β| > 2k.
 """
@@ -91,7 +93,9 @@ def fields(data: PolynomialSystem, y0: Sequence[float]) -> list[list[Rational]]:
 
 
 def is_linear(data: PolynomialSystem) -> bool:
-    """True if all fields have degree 1 at most, so that the generator L does not raise a polynomial's degree."""
+    """True if all fields have degree 1 at most, so that the generator L does not raise a
+    polynomial's degree.
+    """
     return all(
         sum(a) <= 1
         for field in fields(data, (0.0,) * data.dimension)
@@ -105,7 +109,8 @@ def is_linear(data: PolynomialSystem) -> bool:
 def moments(
     data: PolynomialSystem, y0: tuple[float, ...], monomials: tuple[Exponents, ...], order: int
 ) -> list[list[Fraction]]:
-    """The coefficients of h^0, …, h^order in E (y(h) − y0)^α, for each α; the remainder is O(h^(order + 1)).
+    """The coefficients of h^0, …, h^order in E (y(h) − y0)^α, for each α;
+    the remainder is O(h^(order + 1)).
 
     Parameters
     ----------

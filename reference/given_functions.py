@@ -1,9 +1,10 @@
-"""Reference values for a problem made of Python functions: H as accurately as its code allows, Casimirs exactly.
+"""Reference values for a problem made of Python functions: H as accurately as its code allows,
+Casimirs exactly.
 
-There is no second source for such an H, so its own code is used. If its operations can be recorded, they are evaluated
-in extended precision, with the constants of the code as they are. Otherwise the code is called, in the platform's
-longest float if it keeps that type, else in binary64. Then a bound of the error of its values is stated, and laws add
-it to their bounds.
+There is no second source for such an H, so its own code is used. If its operations can be recorded,
+they are evaluated in extended precision, with the constants of the code as they are. Otherwise the
+code is called, in the platform's longest float if it keeps that type, else in binary64. Then a
+bound of the error of its values is stated, and laws add it to their bounds.
 """
 
 from __future__ import annotations
@@ -18,14 +19,16 @@ from sepv.reference.arithmetic import Vector, context
 from sepv.problem import Function, GivenProblem, recorded
 from sepv.record import replay
 
-# A well-written H of d variables is off by a few roundings of y and of its value. 16 is a heuristic: it covers a sum of
-# some ten terms, each a product of a few factors, in any order.
+# A well-written H of d variables is off by a few roundings of y and of its value. 16 is a
+# heuristic: it covers a sum of some ten terms, each a product of a few factors, in any order.
 ROUNDINGS = 16.0
 
 
 @lru_cache(maxsize=256)
 def in_many_digits(function: Function, dimension: int, digits: int) -> Callable[[Vector], Any] | None:
-    """A function of states (d,) evaluated with `digits` digits, by its recorded operations; None without a record."""
+    """A function of states (d,) evaluated with `digits` digits, by its recorded operations;
+    None without a record.
+    """
     record = recorded(function, dimension)
     if record is None:
         return None
@@ -48,7 +51,9 @@ def in_many_digits(function: Function, dimension: int, digits: int) -> Callable[
 
 
 class GivenFunctions:
-    """A problem made of Python functions (`GivenProblem`), with the methods of `ExactProblem` that laws call."""
+    """A problem made of Python functions (`GivenProblem`),
+    with the methods of `ExactProblem` that laws call.
+    """
 
     def __init__(self, given: GivenProblem, digits: int) -> None:
         self.problem = given.problem
@@ -60,7 +65,9 @@ class GivenFunctions:
         return [self.ctx.mpf(float(v)) for v in y]
 
     def hamiltonian(self, y: Vector) -> Any:
-        """The Hamiltonian H at a state, by the problem's own function; a state of its code alone is binary64."""
+        """The Hamiltonian H at a state, by the problem's own function;
+        a state of its code alone is binary64.
+        """
         if self._value is not None:
             return self._value(y)
         values = [float(v) for v in y]
@@ -75,10 +82,12 @@ class GivenFunctions:
             return self.ctx.mpf(float(self.problem.hamiltonian(np.array(values))))
 
     def uncertainty(self, *states: Any) -> Any:
-        """A bound of the error of H(y1) − H(y0): ROUNDINGS half-ulps of |∇H|·|y| + |H| at each state, 0 for a record.
+        """A bound of the error of H(y1) − H(y0): ROUNDINGS half-ulps of |∇H|·|y| + |H| at each
+        state, 0 for a record.
 
-        Longest floats would allow a smaller bound. But the code of H may compute a part of H in binary64, which cannot
-        be seen from outside, so the bound is that of binary64 in either case.
+        Longest floats would allow a smaller bound. But the code of H may compute a part of H in
+        binary64, which cannot be seen from outside, so the bound is that of binary64 in either
+        case.
         """
         if self._value is not None:
             return 0.0

@@ -1,4 +1,6 @@
-"""Moments of Wiener increments, with and without truncation, in closed form (Remark 2.1, Lemma 3.1)."""
+"""Moments of Wiener increments, with and without truncation,
+in closed form (Remark 2.1, Lemma 3.1).
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ def tail(a: Any, digits: int = 30) -> Any:
 
 
 def lost_variance(h: float, k: int, digits: int = 30) -> Any:
-    """The variance lost by truncation at A = A_h, E[ξ² − ζ²] = 2∫_A^∞ (x² − A²)φ(x)dx = 2((1 − A²)P(ξ > A) + Aφ(A))."""
+    """The variance lost by truncation at A = A_h, E[ξ² − ζ²] = 2∫_A^∞ (x² − A²)φ(x)dx = 2((1
+    − A²)P(ξ > A) + Aφ(A)).
+    """
     ctx = context(digits)
     A = bound(h, k, digits)
     density = ctx.exp(-A * A / 2) / ctx.sqrt(2 * ctx.pi)
@@ -34,7 +38,9 @@ def moment(p: int, digits: int = 30) -> Any:
 
 
 def truncated_moment(h: float, k: int, p: int, digits: int = 30) -> Any:
-    """The moment E|ζ|^p = E|ξ|^p γ((p + 1)/2, A²/2)/Γ((p + 1)/2) + 2A^p P(ξ > A) of ξ truncated to ζ at A = A_h."""
+    """The moment E|ζ|^p = E|ξ|^p γ((p + 1)/2, A²/2)/Γ((p + 1)/2) + 2A^p P(ξ > A)
+    of ξ truncated to ζ at A = A_h.
+    """
     ctx = context(digits)
     A = bound(h, k, digits)
     inside = ctx.gammainc(ctx.mpf(p + 1) / 2, 0, A * A / 2, regularized=True)

@@ -1,7 +1,8 @@
-"""A problem description evaluated in a chosen arithmetic: H, ∇H, B, the averaged gradient, Casimirs.
+"""A problem description evaluated in a chosen arithmetic: H, ∇H, B, the averaged gradient,
+Casimirs.
 
-The formulas are written from the description (polynomial data, or name and parameters) and from the paper. They
-call none of the functions of `sepv.problem` and `sepv.problems`.
+The formulas are written from the description (polynomial data, or name and parameters) and from the
+paper. They call none of the functions of `sepv.problem` and `sepv.problems`.
 """
 
 from __future__ import annotations
@@ -34,7 +35,9 @@ Monomials = list[tuple[Number, list[tuple[int, int]]]]
 
 
 class ExactProblem:
-    """One problem in one arithmetic: H, ∇H, B and Casimirs. Vectors are lists of numbers of the arithmetic."""
+    """One problem in one arithmetic: H, ∇H, B and Casimirs.
+    Vectors are lists of numbers of the arithmetic.
+    """
 
     def __init__(self, data: Description, arithmetic: Arithmetic) -> None:
         self.data, self.arithmetic = data, arithmetic
@@ -56,13 +59,15 @@ class ExactProblem:
     mean_gradient: Callable[[Vector, Vector], Vector]
     # Casimirs given as polynomials, in their order.
     polynomial_casimirs: Callable[[Vector], Vector] = staticmethod(lambda _: [])
-    # The functions g and C and the average of ∇C if B(y)v = g(y)(v × ∇C(y)) in dimension 3, else None.
+    # The functions g and C and the average of ∇C if B(y)v = g(y)(v × ∇C(y)) in dimension 3, else
+    # None.
     factor: Callable[[Vector], Number] | None = None
     casimir: Callable[[Vector], Number] | None = None
     mean_casimir_gradient: Callable[[Vector, Vector], Vector] | None = None
     # True for states in the domain of H and B.
     inside: Callable[[Vector], bool] = staticmethod(lambda _: True)
-    # Structures of several noises, [c_1 G_1, …, c_m G_m](y); several Hamiltonians are written as structures.
+    # Structures of several noises, [c_1 G_1, …, c_m G_m](y); several Hamiltonians are written as
+    # structures.
     noise_structures: Callable[[Vector], list[Skew]] | None = None
 
     def state(self, y: Sequence[float]) -> Vector:
@@ -74,7 +79,9 @@ class ExactProblem:
         return self.turned(self.structure(y), self.gradient(y))
 
     def turned(self, B: Skew, v: Vector) -> Vector:
-        """The product B v of a skew matrix B, given by its entries above the diagonal, and a vector v."""
+        """The product B v of a skew matrix B, given by its entries above the diagonal,
+        and a vector v.
+        """
         rows: Vector = [None] * len(v)
         for i, j, entry in B:
             up, down = entry * v[j], entry * v[i]
@@ -96,7 +103,9 @@ class ExactProblem:
         return [total(weight * g[i] for weight, g in slopes) for i in range(self.dimension)]
 
     def uncertainty(self, *_states: Any) -> float:
-        """Zero, the error of H(y1) − H(y0) as evaluated here, which laws add to their bounds of rounding."""
+        """Zero, the error of H(y1) − H(y0) as evaluated here,
+        which laws add to their bounds of rounding.
+        """
         return 0.0
 
     def casimir_values(self, y: Vector) -> Vector:
@@ -110,7 +119,8 @@ class ExactProblem:
 
 @lru_cache(maxsize=512)
 def exact_problem(data: Description | GivenProblem, digits: int = 50) -> Any:
-    """The `ExactProblem` of a description in mpmath, made once for each precision; `ctx` is its mpmath context.
+    """The `ExactProblem` of a description in mpmath, made once for each precision;
+    `ctx` is its mpmath context.
 
     Raises
     ------
@@ -181,7 +191,8 @@ def _polynomial(self: ExactProblem, data: PolynomialSystem) -> None:
 
 
 def _commuting_structure(self: ExactProblem, y: Vector, c: Number, slope: Vector) -> Skew:
-    """The matrix c (v wᵀ − w vᵀ)/|w|², v = B∇H_j, w = ∇H_0 less its parts along Casimirs' gradients; 0 if v = w = 0.
+    """The matrix c (v wᵀ − w vᵀ)/|w|², v = B∇H_j, w = ∇H_0 less its parts along Casimirs'
+    gradients; 0 if v = w = 0.
 
     Raises
     ------
@@ -207,7 +218,9 @@ def _commuting_structure(self: ExactProblem, y: Vector, c: Number, slope: Vector
 
 
 def _without(v: Vector, orthogonal: list[Vector]) -> Vector:
-    """Remove from v its parts along the vectors `orthogonal`, which are orthogonal to each other."""
+    """Remove from v its parts along the vectors `orthogonal`, which are orthogonal to each
+    other.
+    """
     for n in orthogonal:
         share = total(a * b for a, b in zip(v, n, strict=True)) / total(a * a for a in n)
         v = [a - share * b for a, b in zip(v, n, strict=True)]
@@ -229,7 +242,9 @@ def _nambu(self: ExactProblem, factor: Polynomial, casimir: Polynomial) -> None:
 
 
 def _monomials(self: ExactProblem, terms: tuple[tuple[Exponents, float], ...]) -> Monomials:
-    """The terms of a polynomial, each as its coefficient and [(index, exponent), …] of its variables."""
+    """The terms of a polynomial, each as its coefficient and [(index, exponent), …] of its
+    variables.
+    """
     return [(self.number(c), [(i, k) for i, k in enumerate(e) if k]) for e, c in terms]
 
 
@@ -248,7 +263,9 @@ def _value(terms: Monomials, y: Vector, zero: Number) -> Number:
 
 
 def _values(rows: Sequence[Monomials], y: Vector, zero: Number) -> Vector:
-    """Values of several polynomials at one point; each power y_i^k is computed once for all of them."""
+    """Values of several polynomials at one point; each power y_i^k is computed once for all of
+    them.
+    """
     known: dict[tuple[int, int], Number] = {}
     values = []
     for terms in rows:
@@ -282,7 +299,9 @@ def _pendulum(self: ExactProblem, parameters: dict[str, Vector]) -> None:
     self.gradient = lambda y: [y[0], sin(y[1])]
 
     def mean_gradient(y0: Vector, y1: Vector) -> Vector:
-        """The averaged gradient of the pendulum, by ∫₀¹sin(q0 + τδ)dτ = sin(q0 + δ/2) sin(δ/2)/(δ/2), δ = q1 − q0."""
+        """The averaged gradient of the pendulum, by ∫₀¹sin(q0 + τδ)dτ = sin(q0 + δ/2)
+        sin(δ/2)/(δ/2), δ = q1 − q0.
+        """
         turn = half * (y1[1] - y0[1])
         return [half * (y0[0] + y1[0]), sin(y0[1] + turn) * sinc(turn)]
 
@@ -325,7 +344,9 @@ def _lotka_volterra(self: ExactProblem, parameters: dict[str, Vector]) -> None:
     self.structure = lambda y: [(0, 1, d * y[0] * y[1]), (0, 2, b * d * y[0] * y[2]), (1, 2, -y[1] * y[2])]
 
     def mean_reciprocal(x0: Number, x1: Number) -> Number:
-        """The mean of 1/x from x0 to x1: ∫₀¹dτ/(x0 + τ(x1 − x0)) = log(1 + r)/(r x0) with r = (x1 − x0)/x0."""
+        """The mean of 1/x from x0 to x1: ∫₀¹dτ/(x0 + τ(x1 − x0)) = log(1 + r)/(r x0)
+        with r = (x1 − x0)/x0.
+        """
         return log1p_ratio((x1 - x0) / x0) / x0
 
     self.mean_gradient = lambda y0, y1: [

@@ -1,9 +1,11 @@
-"""A rigorous bound of the error of a Gauss rule in a scheme's equation, which is needed if H is not a polynomial.
+"""A rigorous bound of the error of a Gauss rule in a scheme's equation,
+which is needed if H is not a polynomial.
 
-If g is analytic in the Bernstein ellipse of parameter ρ around [−1, 1] and |g| ≤ M in it, the N-point Gauss rule
-is off by at most (64/15) M ρ^(−2(N−1))/(1 − ρ⁻²) (Trefethen, *Approximation Theory and Approximation
-Practice*, Theorem 19.3). M is bounded by complex balls that cover the ellipse, for all stage increments K within a
-distance R of the reference; Cauchy's estimate then bounds the derivatives with respect to K as well.
+If g is analytic in the Bernstein ellipse of parameter ρ around [−1, 1] and |g| ≤ M in it, the
+N-point Gauss rule is off by at most (64/15) M ρ^(−2(N−1))/(1 − ρ⁻²) (Trefethen,
+*Approximation Theory and Approximation Practice*, Theorem 19.3). M is bounded by complex balls that
+cover the ellipse, for all stage increments K within a distance R of the reference; Cauchy's
+estimate then bounds the derivatives with respect to K as well.
 """
 
 from __future__ import annotations
@@ -30,7 +32,9 @@ def with_more_nodes(equation: Equation) -> Equation:
 def quadrature_error(
     problem: ExactProblem, y0: Vector, parts: Step, equation: Equation, x: Vector
 ) -> tuple[Any, Any]:
-    """Bounds of the quadrature error of the residual and of its derivatives near x; (0, 0) if the rule is exact."""
+    """Bounds of the quadrature error of the residual and of its derivatives near x; (0, 0)
+    if the rule is exact.
+    """
     flint = require_flint()
     if not equation.nodes:
         return flint.arb(0), flint.arb(0)
@@ -47,7 +51,8 @@ def _bound(
     table = stage_table(equation.blocks, problem.arithmetic)
     size = max(abs(v).upper() for v in y0)
     size = size if size > 0 else arb(1)
-    # R is small because the coefficients of the basis enlarge it. The bound that R divides is tiny in any case.
+    # R is small because the coefficients of the basis enlarge it. The bound that R divides is tiny
+    # in any case.
     R = size / 2**40
 
     def around(centre: Any, radius: Any) -> Any:
@@ -56,7 +61,8 @@ def _bound(
 
     K = in_blocks([around(v, R) for v in x], equation.blocks)
     start = [acb(v) for v in y0]
-    # The coefficients of u′ by powers of τ. Summing over the stages first makes the higher ones small.
+    # The coefficients of u′ by powers of τ. Summing over the stages first makes the higher ones
+    # small.
     slopes = [
         [
             total(k[c] * row[p] for k, row in zip(K, table.coefficients, strict=True)) / (p + 1)

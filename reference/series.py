@@ -1,7 +1,8 @@
 """Power series whose coefficients are computed on demand, in the numbers of any arithmetic.
 
-The Taylor coefficients of the solution of y′ = f(y) follow from (k + 1) y_{k+1} = [f(y)]_k, where f is the problem's
-own formula, evaluated once on series. Each further coefficient costs one convolution for each operation in f.
+The Taylor coefficients of the solution of y′ = f(y) follow from (k + 1) y_{k+1} = [f(y)]_k, where f
+is the problem's own formula, evaluated once on series. Each further coefficient costs one
+convolution for each operation in f.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ Dot = Callable[[Iterable[Number], Iterable[Number]], Number]
 
 
 class Series:
-    """A power series Σ_k a_k t^k. `rule(k)` gives a_k from a_0 … a_{k−1}; `dot` is a scalar product of coefficients."""
+    """A power series Σ_k a_k t^k. `rule(k)` gives a_k from a_0 … a_{k−1};
+    `dot` is a scalar product of coefficients.
+    """
 
     __slots__ = ("coefficients", "dot", "rule")
 
@@ -81,10 +84,14 @@ def _derivative(a: Series, k: int) -> Vector:
 
 
 def series_over(base: Arithmetic) -> Arithmetic:
-    """The arithmetic of power series with coefficients in `base`; constants remain numbers of `base`."""
+    """The arithmetic of power series with coefficients in `base`;
+    constants remain numbers of `base`.
+    """
 
     def sine_and_cosine(x: Series) -> tuple[Series, Series]:
-        """Sine s and cosine c of a series x, by k s_k = Σ i x_i c_{k−i} and k c_k = −Σ i x_i s_{k−i}."""
+        """Sine s and cosine c of a series x, by k s_k = Σ i x_i c_{k−i} and k c_k = −Σ i x_i
+        s_{k−i}.
+        """
 
         def sine_rule(k: int) -> Number:
             return x.convolved(_derivative(x, k), cosine.upto(k - 1)) / k if k else base.sin(x[0])
@@ -110,7 +117,9 @@ def series_over(base: Arithmetic) -> Arithmetic:
 
 
 def solution_series(data: Description, base: Arithmetic, y0: Vector, order: int) -> list[Vector]:
-    """Taylor coefficients up to `order` of each component of the solution of y′ = f(y), y(0) = y0."""
+    """Taylor coefficients up to `order` of each component of the solution of y′ = f(y), y(0)
+    = y0.
+    """
     problem = in_arithmetic(data, series_over(base))
     y = [Series(base.dot, _unknown, [v]) for v in y0]
     f = problem.field(y)

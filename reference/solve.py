@@ -1,9 +1,10 @@
 """The equation of an implicit scheme, solved to any number of digits, by Newton's method.
 
-Newton's iteration runs in binary64 first, with a Jacobian from dual numbers x + εv (`jacobian`). It gives the
-solution and the Jacobian to about 16 digits. With this Jacobian fixed, each further evaluation of the residual
-in extended precision gains about 16 digits, so three evaluations give 50 digits. If floats overflow or underflow, or
-their Jacobian is singular, the whole iteration runs in extended precision.
+Newton's iteration runs in binary64 first, with a Jacobian from dual numbers x + εv (`jacobian`). It
+gives the solution and the Jacobian to about 16 digits. With this Jacobian fixed, each further
+evaluation of the residual in extended precision gains about 16 digits, so three evaluations give 50
+digits. If floats overflow or underflow, or their Jacobian is singular, the whole iteration runs in
+extended precision.
 """
 
 from __future__ import annotations
@@ -34,7 +35,9 @@ class Failure(NamedTuple):
 
 
 class Root(NamedTuple):
-    """A root x with residual(x) = 0 to the requested digits, and (∂residual/∂x)⁻¹ there, to about 15 digits."""
+    """A root x with residual(x) = 0 to the requested digits, and (∂residual/∂x)⁻¹ there,
+    to about 15 digits.
+    """
 
     x: Vector
     inverse: Matrix
@@ -49,7 +52,8 @@ def jacobian(residual: Residual, x: Vector, arithmetic: Arithmetic) -> Matrix:
 
 
 def inverse(A: Matrix) -> Matrix:
-    """The inverse A⁻¹ in the numbers of A: by cofactors for d = 3, which is faster, else by Gauss-Jordan elimination.
+    """The inverse A⁻¹ in the numbers of A: by cofactors for d = 3, which is faster,
+    else by Gauss-Jordan elimination.
 
     Raises
     ------
@@ -99,7 +103,8 @@ def newton(
 ) -> Root | Failure:
     """The root that Newton's iteration finds from x, or a Failure.
 
-    The iteration ends at a correction of at most tolerance · scale. A correction that leaves the domain is halved.
+    The iteration ends at a correction of at most tolerance · scale. A correction that leaves the
+    domain is halved.
     """
     best, goal, n, damping = math.inf, tolerance * scale, 0, 1.0
     try:
@@ -132,11 +137,13 @@ def newton(
 
 
 def refine(residual: Residual, root: Root, scale: Number, ctx: Any, digits: int) -> Root | Failure:
-    """Refine a root to 10^−digits of the scale, by the chord iteration with the root's inverse Jacobian.
+    """Refine a root to 10^−digits of the scale, by the chord iteration with the root's inverse
+    Jacobian.
 
-    Corrections c_1, c_2, … shrink by a constant factor, so c_n²/c_{n−1} estimates the next one; the iteration ends when
-    this estimate is below the goal. Corrections are computed in floats. If these could underflow, with many digits or
-    states of extreme size, the residual is first scaled to size 1.
+    Corrections c_1, c_2, … shrink by a constant factor, so c_n²/c_{n−1} estimates the next one; the
+    iteration ends when this estimate is below the goal. Corrections are computed in floats. If
+    these could underflow, with many digits or states of extreme size, the residual is first scaled
+    to size 1.
     """
     x, inverted = [ctx.mpf(v) for v in root.x], root.inverse
     size = float(scale)

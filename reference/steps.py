@@ -1,7 +1,8 @@
-"""One step of a scheme to any number of digits (`reference_step`), with the condition of the step's equation.
+"""One step of a scheme to any number of digits (`reference_step`),
+with the condition of the step's equation.
 
-The equations are in `sepv.reference.equations`, the solver in `sepv.reference.solve`. A value is proved by
-`sepv.reference.certify`, not here.
+The equations are in `sepv.reference.equations`, the solver in `sepv.reference.solve`. A value is
+proved by `sepv.reference.certify`, not here.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from sepv.problem import GivenProblem
 # Guard digits: three for the conversion and the sums, the rest for the condition of the equation.
 GUARD = 15
 MOST_DIGITS = 2000
-# Numbers of quadrature nodes for methods with stages if H is not a polynomial, tried until two results agree.
+# Numbers of quadrature nodes for methods with stages if H is not a polynomial, tried until two
+# results agree.
 _NODES = (FEWEST_NODES, 36, 54, 81, 122, 183, 275)
 
 
@@ -33,10 +35,12 @@ class ReferenceStep(NamedTuple):
     ----------
     y1 : d numbers of mpmath
     condition : (d, d) floats
-        The entries |∂y1/∂residual|, the factors from residuals to errors of y1: |(I − ∂R/∂y1)⁻¹| for a method without
-        stages, a sum over the stages for a method with stages, the identity for an explicit method.
+        The entries |∂y1/∂residual|, the factors from residuals to errors of y1: |(I − ∂R/∂y1)⁻¹|
+        for a method without stages, a sum over the stages for a method with stages, the identity
+        for an explicit method.
     x : numbers of mpmath
-        The unknowns of the equation: y1 itself, the stages' increments, or none for an explicit method.
+        The unknowns of the equation: y1 itself, the stages' increments, or none for an explicit
+        method.
     equation : Equation
     """
 
@@ -71,10 +75,12 @@ def require_digits(digits: int) -> None:
 def step_condition(
     scheme: str | Equation, data: Any, y: Sequence[float], h: float, dW: Sequence[float], contraction: float
 ) -> list[list[float]]:
-    """The matrix |(I − ∂R/∂y1)⁻¹| at a step's solution, by which residuals r of y1 = y0 + R become errors of y1.
+    """The matrix |(I − ∂R/∂y1)⁻¹| at a step's solution,
+    by which residuals r of y1 = y0 + R become errors of y1.
 
-    A problem made of Python functions has no reference solution: all entries are 1/(1 − κ). Steps are drawn such that R
-    contracts by the factor κ = `contraction` in the maximum norm, so errors are at most Σ_i r_i/(1 − κ).
+    A problem made of Python functions has no reference solution: all entries are 1/(1 − κ). Steps
+    are drawn such that R contracts by the factor κ = `contraction` in the maximum norm, so errors
+    are at most Σ_i r_i/(1 − κ).
     """
     if isinstance(data, GivenProblem):
         return [[1 / (1 - contraction)] * len(y)] * len(y)
@@ -82,7 +88,8 @@ def step_condition(
     problem = binary64_problem(data)
     scale = max(map(abs, y), default=0.0)
     if equation.residual is not None and not equation.nodes and scale and all(map(isfinite, (*y, h, *dW))):
-        # The inverse matrix is taken from the root in binary64, even if the root itself needs more digits.
+        # The inverse matrix is taken from the root in binary64, even if the root itself needs more
+        # digits.
         root = _guess(equation, data, y, h, dW, scale, None)
         y0, step = problem.state(y), make_step(problem, h, dW)
         if isinstance(root, Root) and problem.inside(equation.result(problem, y0, step, root.x)):
@@ -101,8 +108,9 @@ def reference_step(
 ) -> ReferenceStep:
     """Solve one step from y to `digits` digits of the largest component.
 
-    If the equation has several solutions, the result is the one that Newton's method finds from y, or from `start`. If
-    Newton's method finds none, the result is the solution that is reached from y as the step grows from 0.
+    If the equation has several solutions, the result is the one that Newton's method finds from y,
+    or from `start`. If Newton's method finds none, the result is the solution that is reached from
+    y as the step grows from 0.
 
     Parameters
     ----------
@@ -116,7 +124,8 @@ def reference_step(
     Raises
     ------
     UsageError
-        If the scheme or problem is unknown, digits is out of range, or y, h, dW are not finite or have a wrong length.
+        If the scheme or problem is unknown, digits is out of range, or y, h, dW are not finite or
+        have a wrong length.
     StepFailure
         If no solution was found; the message has the smallest residual.
     """
@@ -152,7 +161,8 @@ def reference_step(
     if isinstance(root, Root) and not exact.inside(equation.result(exact, y0, step, root.x)):
         root = Failure(0.0, root.iterations, "only a solution outside the domain was found")
     if isinstance(root, Failure):
-        # Newton's iteration from y failed or left the domain. The branch of solutions from y may still have a solution.
+        # Newton's iteration from y failed or left the domain. The branch of solutions from y may
+        # still have a solution.
         branch = None if start else _branch(equation, data, y, h, dW)
         if branch is not None and branch.whole:
             return reference_step(equation, data, y, h, dW, digits, branch.x)
@@ -190,7 +200,9 @@ def _bound(equation: Equation, problem: ExactProblem, y0: Vector, step: Step) ->
 
 
 def _start(equation: Equation, problem: ExactProblem, y0: Vector, step: Step) -> Vector:
-    """The first guess for Newton's method: K = 0 for stages; else the explicit midpoint rule if near y0, else y0."""
+    """The first guess for Newton's method: K = 0 for stages;
+    else the explicit midpoint rule if near y0, else y0.
+    """
     if equation.of_increments:
         return [0 * v for v in y0] * equation.blocks
     half = [a + step.delta * b / 2 for a, b in zip(y0, problem.field(y0), strict=True)]
@@ -211,7 +223,9 @@ def _guess(
     scale: float,
     start: Vector | None,
 ) -> Root | Failure:
-    """The root in binary64, from which the search in mpmath starts; a Failure if binary64 cannot hold the root."""
+    """The root in binary64, from which the search in mpmath starts;
+    a Failure if binary64 cannot hold the root.
+    """
     problem = binary64_problem(data)
     try:
         y0, step = problem.state(y), make_step(problem, h, dW)
@@ -248,7 +262,9 @@ def _with_nodes(equation: Equation, nodes: int) -> Equation:
 def _enough_nodes(
     equation: Equation, exact: ExactProblem, y0: Vector, step: Step, scale: Any, digits: int, root: Root
 ) -> tuple[Equation, Root | Failure]:
-    """Add quadrature nodes until two rules give the same root; return the equation with the last rule, and its root."""
+    """Add quadrature nodes until two rules give the same root;
+    return the equation with the last rule, and its root.
+    """
     goal = scale * exact.ctx.mpf(10) ** (-digits - 3)
     for nodes in _NODES[1:]:
         finer = _with_nodes(equation, nodes)

@@ -37,7 +37,9 @@ class StageTable:
 
 @lru_cache(maxsize=64)
 def stage_table(stages: int, arithmetic: Arithmetic) -> StageTable:
-    """The table of Gauss nodes and Lagrange basis for this number of stages, in the numbers of this arithmetic."""
+    """The table of Gauss nodes and Lagrange basis for this number of stages,
+    in the numbers of this arithmetic.
+    """
     if arithmetic.tables:
         maker, convert = arithmetic.tables
         made = stage_table(stages, maker)
@@ -75,7 +77,9 @@ def horner(row: Vector, tau: Number) -> Number:
 
 @lru_cache(maxsize=64)
 def weighted_rule(stages: int, nodes: int, arithmetic: Arithmetic) -> list[tuple[Vector, Vector]]:
-    """The quadrature of ∫₀¹(ℓ_i/b_i)g: for each node τ of weight w, all numbers w ℓ_i(τ)/b_i and integrals ∫₀^τ ℓ_j."""
+    """The quadrature of ∫₀¹(ℓ_i/b_i)g: for each node τ of weight w,
+    all numbers w ℓ_i(τ)/b_i and integrals ∫₀^τ ℓ_j.
+    """
     if arithmetic.tables:
         maker, convert = arithmetic.tables
         return [

@@ -17,9 +17,11 @@ Series = list[Any]
 def flow_series(
     system: PolynomialSystem, y: Sequence[float], order: int, digits: int = 40
 ) -> list[list[Any]]:
-    """Coefficients c_0, …, c_order with φ_θ(y) = Σ c_k θ^k + O(θ^{order+1}), each c_k as a list of d numbers.
+    """Coefficients c_0, …, c_order with φ_θ(y) = Σ c_k θ^k + O(θ^{order+1}),
+    each c_k as a list of d numbers.
 
-    Because y′ = B(y)∇H(y), coefficient k of the right side, divided by k + 1, is coefficient k + 1 of y.
+    Because y′ = B(y)∇H(y), coefficient k of the right side, divided by k + 1, is coefficient k + 1
+    of y.
     """
     ctx, d = context(digits), system.dimension
     slopes = gradient(system.hamiltonian)

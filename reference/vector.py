@@ -1,6 +1,8 @@
-"""Reference vectors: one step, or one exact flow, with its result to 50 digits, as an object and as JSON.
+"""Reference vectors: one step, or one exact flow, with its result to 50 digits,
+as an object and as JSON.
 
-The files are made by `python -m benchmarks.vectors` only; docs/vectors.md explains them to readers in any language.
+The files are made by `python -m benchmarks.vectors` only; docs/vectors.md explains them to readers
+in any language.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ FOLDER = Path(__file__).parent / "vectors"
 FORMAT = "sepv-vectors-1"
 FLOW = "exact-flow"
 DIGITS = 50
-# A solver may refuse a case that has one of these flags, but it may not return a wrong result for it.
+# A solver may refuse a case that has one of these flags, but it may not return a wrong result for
+# it.
 HARD = frozenset({"large-step", "near-fold", "subnormal", "huge", "overflow"})
 
 _KEYS = {"id", "hash", "problem", "y", "y1", "y1_hex", "condition", "rounding", "flags", "proof", "note"}
@@ -46,7 +49,8 @@ class ReferenceVector:
         The possible error of plain binary64 arithmetic (`benchmarks.vectors.rounding`).
     flags : words that classify the case
     proof : str
-        The kind of proof: "krawczyk" for implicit schemes, "balls" for explicit schemes and the exact flow.
+        The kind of proof: "krawczyk" for implicit schemes, "balls" for explicit schemes and the
+        exact flow.
     note : str
         The purpose of the case.
     """
@@ -95,7 +99,9 @@ def to_json(vector: ReferenceVector) -> dict[str, Any]:
 
 
 def digest(data: dict[str, Any]) -> str:
-    """The first 16 hex digits of the SHA-256 of the case as JSON without its hash, keys sorted, no spaces, ASCII."""
+    """The first 16 hex digits of the SHA-256 of the case as JSON without its hash, keys sorted,
+    no spaces, ASCII.
+    """
     text = json.dumps(
         {k: v for k, v in data.items() if k != "hash"},
         sort_keys=True,

@@ -1,10 +1,11 @@
-"""Property-based verification and benchmarks for energy-preserving integrators of stochastic Poisson systems.
+"""Property-based verification and benchmarks for energy-preserving integrators of stochastic
+Poisson systems.
 
-verify(scheme)                     measure every law on a scheme; problems=[…] names the scheme's problems
-integrate, ensemble, long_path     compute one path, the end states of many paths, one path of any length
+verify(scheme)                     measure every law on a scheme; problems=[…] names its problems
+integrate, ensemble, long_path     one path, the end states of many, one path of any length
 exact_flow(problem, theta)         compute the exact solution at random times
 Scheme, StatefulStep, Problem, …   the records that a user makes
-schemes, problems, strategies      the built-in schemes and problems, and random systems for Hypothesis
+schemes, problems, strategies      built-in schemes and problems, random systems for Hypothesis
 simulate, exact, external, …       the subpackages, each with its own public names
 Effort, Report, Verdict, Ensemble, Trajectory, and the errors; a user's step may raise `Skipped`
 
@@ -23,7 +24,8 @@ import os as _os
 from sepv._lazy import lazily
 from sepv._version import __version__ as __version__
 
-# Importing `typing` or `pathlib` takes ten times as long as the rest of this file, so TYPE_CHECKING is set here.
+# Importing `typing` or `pathlib` takes ten times as long as the rest of this file, so TYPE_CHECKING
+# is set here.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from sepv import core as core
@@ -65,8 +67,9 @@ if TYPE_CHECKING:
     from sepv.verification import Verdict as Verdict
     from sepv.verification import verify as verify
 
-# `sepv.properties` and `sepv.reference` are folders beside this one, which an installation maps into the package.
-# If the checkout itself is on the path, Python finds ./sepv before the installation, so they are added here.
+# `sepv.properties` and `sepv.reference` are folders beside this one, which an installation maps
+# into the package. If the checkout itself is on the path, Python finds ./sepv before the
+# installation, so they are added here.
 _HERE = _os.path.dirname(_os.path.realpath(__file__))
 _CHECKOUT = _os.path.dirname(_HERE)
 if not _os.path.isdir(f"{_HERE}/reference") and _os.path.isdir(f"{_CHECKOUT}/reference/witnesses"):

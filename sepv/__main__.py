@@ -1,4 +1,6 @@
-"""``python -m sepv``, without the current folder first on the path, where its ``queue.py`` would be run."""
+"""``python -m sepv``, without the current folder first on the path,
+where its ``queue.py`` would be run.
+"""
 
 import os
 import sys

@@ -1,6 +1,8 @@
-"""Conversion of users' numbers: arguments to float64 arrays, and JSON, whose numbers may be hex floats with 0x.
+"""Conversion of users' numbers: arguments to float64 arrays, and JSON,
+whose numbers may be hex floats with 0x.
 
-Arguments may not be text, complex numbers or ragged lists. JSON may not contain NaN or repeated keys.
+Arguments may not be text, complex numbers or ragged lists. JSON may not contain NaN or repeated
+keys.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ _SHOWN = 60
 
 
 def floats(what: str, value: Any) -> NDArray[np.float64]:
-    """Convert a value to an array of binary64 numbers, finite or not; a UsageError for anything but real numbers."""
+    """Convert a value to an array of binary64 numbers, finite or not;
+    a UsageError for anything but real numbers.
+    """
     try:
         array = np.asarray(value)
         if array.dtype.kind == "O":
@@ -65,7 +69,9 @@ def require_whole(what: str, value: Any, remedy: str, low: int = 1, high: int | 
 
 
 def require_flag(what: str, value: Any) -> None:
-    """Raise a UsageError for anything but True and False, because a word such as "no" would count as true."""
+    """Raise a UsageError for anything but True and False,
+    because a word such as "no" would count as true.
+    """
     if not isinstance(value, (bool, np.bool_)):
         raise UsageError(
             expected=f"{what}, True or False", received=repr(value), remedy=f"{what}=True or {what}=False"
@@ -73,7 +79,9 @@ def require_flag(what: str, value: Any) -> None:
 
 
 def optional(module: str, expected: str, remedy: str, kind: type[UsageError] = UsageError) -> Any:
-    """Import a module that may not be installed; the error for a missing module says what needs it (`expected`)."""
+    """Import a module that may not be installed; the error for a missing module says what needs it
+    (`expected`).
+    """
     try:
         return import_module(module)
     except ImportError as error:
@@ -92,8 +100,8 @@ def parse_json(text: str | bytes) -> Any:
     Raises
     ------
     ValueError
-        For text that is not JSON, the constants NaN and Infinity, numbers beyond binary64, a repeated key, a number
-        with more digits than Python reads, or brackets nested too deeply.
+        For text that is not JSON, the constants NaN and Infinity, numbers beyond binary64, a
+        repeated key, a number with more digits than Python reads, or brackets nested too deeply.
     """
     try:
         text = text.decode() if isinstance(text, bytes) else text
@@ -126,7 +134,9 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def hex_float(text: Any) -> float:
-    """The double of a text in the format of C's %a, ±inf if it is beyond binary64; a ValueError for any other text."""
+    """The double of a text in the format of C's %a, ±inf if it is beyond binary64;
+    a ValueError for any other text.
+    """
     if not isinstance(text, str) or not _HEX(text):
         raise ValueError(f'{text!r:.{_SHOWN}} is no hex float in a string, such as "0x1.8p+1" for 3')
     try:

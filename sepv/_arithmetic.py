@@ -1,8 +1,10 @@
-"""The arithmetic mode of the process: the rounding direction, and whether subnormal numbers are flushed to zero.
+"""The arithmetic mode of the process: the rounding direction,
+and whether subnormal numbers are flushed to zero.
 
-Code that is compiled with ``-ffast-math`` sets flush-to-zero for every program that loads it, and ``fesetround``
-changes the rounding of all that follows. Every bound of sepv is derived for IEEE 754's default: rounding to nearest,
-with subnormal numbers. The mode is read by four operations, because Python has no function for it.
+Code that is compiled with ``-ffast-math`` sets flush-to-zero for every program that loads it, and
+``fesetround`` changes the rounding of all that follows. Every bound of sepv is derived for IEEE
+754's default: rounding to nearest, with subnormal numbers. The mode is read by four operations,
+because Python has no function for it.
 """
 
 from __future__ import annotations
@@ -12,14 +14,18 @@ from contextlib import suppress
 
 # Variables, because a compiler of Python computes an expression of constants once.
 _one, _small, _least = 1.0, 2.0**-60, 2.0**-1022
-# The result of `mode` by default: 1 ± 2⁻⁶⁰ and −1 − 2⁻⁶⁰ round to ±1, and a half of the least normal number is not 0.
+# The result of `mode` by default: 1 ± 2⁻⁶⁰ and −1 − 2⁻⁶⁰ round to ±1, and a half of the least
+# normal number is not 0.
 _DEFAULT = (True, True, True, True)
-# Room for the environment of any C library: glibc's has 32 bytes on x86-64, musl's and Apple's fewer than 64.
+# Room for the environment of any C library: glibc's has 32 bytes on x86-64, musl's and Apple's
+# fewer than 64.
 _ROOM = 512
 
 
 def mode() -> tuple[bool, ...]:
-    """Four facts that together are True only in the default mode; the last one is about subnormal numbers."""
+    """Four facts that together are True only in the default mode;
+    the last one is about subnormal numbers.
+    """
     return (
         _one + _small == _one, _one - _small == _one, -_one - _small == -_one, _least * 0.5 != 0.0,
     )  # fmt: skip
@@ -31,14 +37,18 @@ def is_default() -> bool:
 
 
 def in_words() -> str:
-    """The changed parts of the mode: "the rounding mode", "subnormal numbers, which become 0", both, or no words."""
+    """The changed parts of the mode: "the rounding mode", "subnormal numbers, which become 0",
+    both, or no words.
+    """
     found = mode()
     words = [] if all(found[:3]) else ["the rounding mode"]
     return " and ".join([*words, *([] if found[3] else ["subnormal numbers, which become 0"])])
 
 
 def _environment() -> ctypes.Array[ctypes.c_char] | None:
-    """The floating-point environment at import, which `restore` sets again; None where C's library has no fegetenv."""
+    """The floating-point environment at import, which `restore` sets again;
+    None where C's library has no fegetenv.
+    """
     room = ctypes.create_string_buffer(_ROOM)
     with suppress(OSError, AttributeError, TypeError):
         return room if ctypes.CDLL(None).fegetenv(room) == 0 else None

@@ -1,7 +1,8 @@
-"""Results that no scheme influences, kept between runs in the user's cache: random test cases, reference solutions.
+"""Results that no scheme influences, kept between runs in the user's cache: random test cases,
+reference solutions.
 
-Computing these results takes a fifth of the time of a run of all laws. They are computed anew if a file of sepv, or the
-version of Python or NumPy, has changed.
+Computing these results takes a fifth of the time of a run of all laws. They are computed anew if a
+file of sepv, or the version of Python or NumPy, has changed.
 """
 
 from __future__ import annotations
@@ -21,19 +22,24 @@ import numpy as np
 from sepv.files import cache_folder, write_atomically
 
 T = TypeVar("T")
-# The largest number of stored results of one kind, twice that of a run of all laws. The results used last are stored.
+# The largest number of stored results of one kind, twice that of a run of all laws. The results
+# used last are stored.
 STORED_MAX = 2048
 
 
 class Kept:
-    """The stored results of one kind, each with a text as its key. The file is read at the first use."""
+    """The stored results of one kind, each with a text as its key.
+    The file is read at the first use.
+    """
 
     def __init__(self, kind: str, most: int | None = None) -> None:
         self.kind, self.most, self.added = kind, most or STORED_MAX, False
         self.results: dict[str, Any] | None = None
 
     def get(self, key: str, make: Callable[[], T]) -> T:
-        """The result for this key; if none is stored, `make` computes it. An exception of `make` is not stored."""
+        """The result for this key; if none is stored, `make` computes it.
+        An exception of `make` is not stored.
+        """
         if self.results is None:
             self.results = self._read()
         made = self.results.pop(key) if key in self.results else self._made(make)
@@ -63,14 +69,18 @@ class Kept:
 
 
 def key_of(*values: Any) -> str:
-    """The key of a result that these values determine, such as polynomial data, numbers, and arrays."""
+    """The key of a result that these values determine, such as polynomial data, numbers,
+    and arrays.
+    """
     texts = [repr(v.tolist() if isinstance(v, np.ndarray) else v) for v in values]
     return hashlib.sha256(" ".join(texts).encode()).hexdigest()
 
 
 @cache
 def kept(kind: str, most: int | None = None) -> Kept:
-    """The store of results of one kind, of which the last `most` are written; the same object at each call."""
+    """The store of results of one kind, of which the last `most` are written;
+    the same object at each call.
+    """
     _KINDS.append(found := Kept(kind, most))
     return found
 
@@ -85,7 +95,8 @@ def save_all() -> None:
 
 
 def _path(kind: str) -> Path:
-    # The name depends on the path of this file, so that two installations do not replace each other's results.
+    # The name depends on the path of this file, so that two installations do not replace each
+    # other's results.
     return cache_folder("kept") / f"{kind}-{crc32(__file__.encode()):08x}.pickle"
 
 

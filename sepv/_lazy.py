@@ -19,8 +19,9 @@ def lazily(room: str, offered: Mapping[str, str]) -> tuple[Callable[[str], Any],
     room : str
         The name of the package.
     offered : mapping of str
-        For each module of the package, the names that the package takes from it, separated by blanks. `one=other` is
-        the module's `other` under the name `one`; `*one` is the module itself, under the name `one`.
+        For each module of the package, the names that the package takes from it, separated by
+        blanks. `one=other` is the module's `other` under the name `one`; `*one` is the module
+        itself, under the name `one`.
     """
     places = {}
     for module, entries in offered.items():

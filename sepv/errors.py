@@ -1,4 +1,6 @@
-"""Every error that sepv raises on purpose: each states what was expected, what came, and the remedy."""
+"""Every error that sepv raises on purpose: each states what was expected, what came,
+and the remedy.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ if TYPE_CHECKING:
 
 
 def said(value: Any, most: int | None = None) -> str:
-    """The text of an exception, or, with `most`, the start of any value's repr; both may raise, as code of others."""
+    """The text of an exception, or, with `most`, the start of any value's repr; both may raise,
+    as code of others.
+    """
     try:
         return str(value) if most is None else f"{value!r:.{most}}"
     except Exception as error:
@@ -23,7 +27,9 @@ class SepvError(Exception):
 
 
 class UsageError(SepvError, ValueError):
-    """An argument, a name or a file is not what the call needs (exit code 2 on the command line)."""
+    """An argument, a name or a file is not what the call needs (exit code 2 on the command
+    line).
+    """
 
     def __init__(self, *, expected: str, received: str, remedy: str) -> None:
         self.expected, self.received, self.remedy = map(_shortened, (expected, received, remedy))
@@ -51,13 +57,16 @@ MANY_NAMES = 8
 def require_one_of(
     what: str, given: Any, known: Collection[Any], remedy: str = "correct the name", received: str = ""
 ) -> None:
-    """Raise a UsageError if `given` is not among the values `known`; the message calls it `what`."""
+    """Raise a UsageError if `given` is not among the values `known`; the message calls it
+    `what`.
+    """
     if given not in known:
         raise unknown_name(what, received or repr(given), known, remedy)
 
 
 def unknown_name(what: str, received: str, known: Collection[Any], remedy: str) -> UsageError:
-    """The error for a value that is not among the values `known`; its message calls the value `what`.
+    """The error for a value that is not among the values `known`;
+    its message calls the value `what`.
 
     A long list of names comes last, so that what was received and the closest name are read first.
     """
@@ -72,7 +81,9 @@ class ProblemError(UsageError):
 
 
 class SystemsError(UsageError):
-    """The scheme is for another class of systems than the problem's, such as systems with several Hamiltonians."""
+    """The scheme is for another class of systems than the problem's,
+    such as systems with several Hamiltonians.
+    """
 
 
 class TargetError(UsageError):
@@ -84,7 +95,9 @@ class UnknownTarget(TargetError):
 
 
 class SchemeFault(UsageError):
-    """A scheme broke the contract of ``step``: a wrong shape or type, a NaN, or a changed argument."""
+    """A scheme broke the contract of ``step``: a wrong shape or type, a NaN, or a changed
+    argument.
+    """
 
 
 class NotFinite(SchemeFault):
@@ -92,7 +105,9 @@ class NotFinite(SchemeFault):
 
 
 class Skipped(SepvError):
-    """The error of a scheme that does not support the problem. It is no fault, and gives no law a verdict."""
+    """The error of a scheme that does not support the problem. It is no fault,
+    and gives no law a verdict.
+    """
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
@@ -100,7 +115,9 @@ class Skipped(SepvError):
 
 
 class Unasked(Skipped):
-    """A law says nothing about a case. The scheme does not refuse the case, so that nothing is lacking."""
+    """A law says nothing about a case. The scheme does not refuse the case,
+    so that nothing is lacking.
+    """
 
 
 class ClusterFailure(SepvError, RuntimeError):
@@ -112,7 +129,8 @@ class ClusterFailure(SepvError, RuntimeError):
 
 
 class ChunkFailure(SepvError, RuntimeError):
-    """An ensemble is incomplete: a path raised an error in a worker and again in this process, or a cluster is lost.
+    """An ensemble is incomplete: a path raised an error in a worker and again in this process,
+    or a cluster is lost.
 
     Attributes
     ----------
@@ -171,7 +189,9 @@ class TruncationWarning(UserWarning):
 
 
 class SlowDerivation(UserWarning):
-    """The derivatives of a problem's functions, which sepv derives by symbols, take millions of operations."""
+    """The derivatives of a problem's functions, which sepv derives by symbols,
+    take millions of operations.
+    """
 
 
 class ProtocolWarning(UserWarning):
@@ -179,10 +199,12 @@ class ProtocolWarning(UserWarning):
 
 
 class StepFailure(SepvError, ArithmeticError):
-    """The implicit equation of a step was not solved. An unconverged result is never returned unmarked.
+    """The implicit equation of a step was not solved. An unconverged result is never returned
+    unmarked.
 
-    A user's scheme raises this error with a text, ``StepFailure("no convergence after 50 iterations")``. The schemes of
-    sepv pass the attributes below by name, and the message is made from them.
+    A user's scheme raises this error with a text,
+    ``StepFailure("no convergence after 50 iterations")``. The schemes of sepv pass the attributes
+    below by name, and the message is made from them.
 
     Attributes
     ----------
@@ -193,7 +215,8 @@ class StepFailure(SepvError, ArithmeticError):
     delta : float
         The random step Δ = h + Σ c_j ΔW_j.
     residual : float
-        Largest component of the residual of the implicit equation at the state where the iteration stopped.
+        Largest component of the residual of the implicit equation at the state where the iteration
+        stopped.
     status : str
         The kind of failure (see `sepv.core.newton.Status`).
     """

@@ -1,6 +1,7 @@
 """Files that a run writes: written whole or not at all, and the JSON Schemas that they obey.
 
-A result is one JSON object. Its first entry, "made", names the schema and the versions of the software that wrote it.
+A result is one JSON object. Its first entry, "made", names the schema and the versions of the
+software that wrote it.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ __all__ = ["RESULTS", "schema"]
 
 
 def require_folder(path: str | None) -> None:
-    """Raise a UsageError if no file can be written at this path; for a check before a long computation."""
+    """Raise a UsageError if no file can be written at this path;
+    for a check before a long computation.
+    """
     if path is None:
         return
     folder = Path(path).resolve().parent
@@ -41,10 +44,12 @@ def require_folder(path: str | None) -> None:
 
 
 def cache_folder(name: str) -> Path:
-    """A folder that only this user can write to: ~/.cache/sepv/NAME, or below $XDG_CACHE_HOME or $SEPV_CACHE_DIR.
+    """A folder that only this user can write to: ~/.cache/sepv/NAME,
+    or below $XDG_CACHE_HOME or $SEPV_CACHE_DIR.
 
-    Code is run from this folder, so others must not be able to write to it. If there is no such folder (no home, a
-    read-only home, another user's), a temporary folder with a random name is made, and removed when this process ends.
+    Code is run from this folder, so others must not be able to write to it. If there is no such
+    folder (no home, a read-only home, another user's), a temporary folder with a random name is
+    made, and removed when this process ends.
     """
     try:
         named = os.environ.get("SEPV_CACHE_DIR")
@@ -69,13 +74,17 @@ def _fresh_folder(name: str) -> Path:
 
 
 def _is_private(folder: Path) -> bool:
-    """True if only this user can write to the folder; always on Windows, which protects each user's home."""
+    """True if only this user can write to the folder; always on Windows,
+    which protects each user's home.
+    """
     status = folder.stat()
     return not hasattr(os, "geteuid") or (status.st_uid == os.geteuid() and not status.st_mode & 0o022)
 
 
 def write_atomically(path: str, content: str | bytes) -> None:
-    """Write a file whole or not at all: a reader never sees half of it. Text is UTF-8, with ? for a lone surrogate."""
+    """Write a file whole or not at all: a reader never sees half of it. Text is UTF-8,
+    with ? for a lone surrogate.
+    """
     target = Path(path).resolve()
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
     try:
@@ -88,7 +97,8 @@ def write_atomically(path: str, content: str | bytes) -> None:
         raise
 
 
-# The results that commands write, with their schema's version, which is raised if older programs would misread a file.
+# The results that commands write, with their schema's version, which is raised if older programs
+# would misread a file.
 RESULTS = {
     "bench": 1, "comparison": 1, "growth": 1, "hard": 1, "path": 1, "report": 2, "reproduction": 1, "solvability": 1,
     "teeth": 1,
@@ -100,7 +110,9 @@ RESULT_MAX_BYTES = 64 * 2**20
 
 
 def json_text(data: Any, *, indent: int | None = 1) -> str:
-    """Write data as strict JSON; a ValueError for a number that is not finite (`finite` converts it to null)."""
+    """Write data as strict JSON; a ValueError for a number that is not finite (`finite` converts it
+    to null).
+    """
     return json.dumps(data, indent=indent, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -118,7 +130,9 @@ def finite(value: Any) -> Any:
 def write_json(
     path: str, name: str, data: dict[str, Any], *, command: str = "", indent: int | None = 1
 ) -> None:
-    """Write a result, one of `RESULTS`, with its origin first: versions, the platform and the command."""
+    """Write a result, one of `RESULTS`, with its origin first: versions,
+    the platform and the command.
+    """
     write_atomically(path, json_text({"made": made(name, command)} | data, indent=indent))
 
 
@@ -136,7 +150,9 @@ def made(name: str, command: str = "") -> dict[str, Any]:
 
 
 def read_bounded(path: str | Path, largest: int = RESULT_MAX_BYTES) -> bytes:
-    """The bytes of a regular file; a ValueError for a larger one, and for a pipe or a device, which may never end."""
+    """The bytes of a regular file; a ValueError for a larger one, and for a pipe or a device,
+    which may never end.
+    """
     kind = Path(path).stat()
     if not stat.S_ISREG(kind.st_mode) and not stat.S_ISDIR(kind.st_mode):
         raise ValueError("a pipe, a socket or a device, and no file")
@@ -160,7 +176,9 @@ def read_json(path: str | Path, largest: int = RESULT_MAX_BYTES, /, *, expected:
 
 
 def require_schema(data: Any, name: str, path: str | Path, *, expected: str, remedy: str) -> None:
-    """Raise a UsageError if a file's data break the schema `name` of `SCHEMAS`. Older files have no entry "made"."""
+    """Raise a UsageError if a file's data break the schema `name` of `SCHEMAS`.
+    Older files have no entry "made".
+    """
     made = data.get("made") if isinstance(data, dict) else None
     version = made.get("version") if isinstance(made, dict) else None
     if isinstance(version, int) and version > RESULTS.get(name, version):
@@ -174,7 +192,8 @@ def require_schema(data: Any, name: str, path: str | Path, *, expected: str, rem
 
 
 def schema(name: str) -> dict[str, Any]:
-    """The JSON Schema called `name`. Every schema of a result contains the whole description of the entry "made".
+    """The JSON Schema called `name`. Every schema of a result contains the whole description of the
+    entry "made".
 
     Raises
     ------
@@ -197,7 +216,9 @@ def _packaged(name: str) -> dict[str, Any]:
 
 
 def fault(data: Any, schema: dict[str, Any]) -> str:
-    """Describe the most informative violation of a JSON Schema by data, with its place; empty without a violation."""
+    """Describe the most informative violation of a JSON Schema by data, with its place;
+    empty without a violation.
+    """
     from jsonschema import Draft202012Validator, FormatChecker
     from jsonschema.exceptions import best_match
 

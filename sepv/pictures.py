@@ -1,7 +1,9 @@
-"""Pictures: looks of schemes, curves on axes, and a figure's content as a file. Drawing needs the extra ``plots``.
+"""Pictures: looks of schemes, curves on axes, and a figure's content as a file.
+Drawing needs the extra ``plots``.
 
-The look of a scheme (colours, marker, dashes) is a field of the scheme. A scheme without a look gets one that no other
-has in the picture. Colours are those of M. Okabe and K. Ito (2008), darker on light paper, lighter on a dark screen.
+The look of a scheme (colours, marker, dashes) is a field of the scheme. A scheme without a look
+gets one that no other has in the picture. Colours are those of M. Okabe and K. Ito (2008), darker
+on light paper, lighter on a dark screen.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ REFERENCE = Look("#333333", "#DDDDDD", "", "1 2")
 GUIDE, GRID, SOFT, TEXT = "#6e7781", "#e3e7eb", "#57606a", "#1b1f24"
 # A defect of exactly zero has no logarithm, so it is drawn at half an ulp of 1.
 FLOOR = 1.1e-16
-# Colours (light, dark) and markers for schemes without a look: 77 pairs, because 7 and 11 have no common divisor.
+# Colours (light, dark) and markers for schemes without a look: 77 pairs, because 7 and 11 have no
+# common divisor.
 _COLOURS = (
     ("#A85C32", "#E8A77F"), ("#9A5BA8", "#D9A6E4"), ("#3D7F7A", "#7CC7C1"), ("#8A7A1F", "#CDBD5C"),
     ("#B04A5A", "#EE97A5"), ("#5F6B2F", "#AFBE78"), ("#56789A", "#9BB8D3"),
@@ -60,10 +63,12 @@ STYLE = {
 
 @dataclass(frozen=True)
 class Series:
-    """One curve: y against x, with the scheme that made it ("" for a reference). A point with a None is not drawn.
+    """One curve: y against x, with the scheme that made it ("" for a reference).
+    A point with a None is not drawn.
 
     half : half the widths of the intervals of y, as many as y; empty for a curve without intervals
-    group : curves of one group have one colour and marker, such as a measurement and its theory; by default the scheme
+    group : curves of one group have one colour and marker, such as a measurement and its theory; by
+    default the scheme
     """
 
     name: str
@@ -89,10 +94,11 @@ class Axis:
 
 
 def looks(names: Iterable[str], own_looks: Mapping[str, Look] | None = None) -> dict[str, Look]:
-    """The look of each scheme in a picture: from `own_looks`, else from the scheme itself, else a generated one.
+    """The look of each scheme in a picture: from `own_looks`, else from the scheme itself,
+    else a generated one.
 
-    Generated looks are assigned in the order of the names, so that the same names always look the same. Their markers
-    differ from the markers of the other schemes.
+    Generated looks are assigned in the order of the names, so that the same names always look the
+    same. Their markers differ from the markers of the other schemes.
     """
     given = dict(own_looks or {})
     stated = {n: given.get(n) or _of_record(n) if n else REFERENCE for n in dict.fromkeys(names)}
@@ -103,10 +109,11 @@ def looks(names: Iterable[str], own_looks: Mapping[str, Look] | None = None) -> 
 
 
 def looks_of(series: Sequence[Series], look_of: Mapping[str, Look]) -> list[Look]:
-    """The look of each curve: that of its group or scheme, with other dashes and markers from the second curve on.
+    """The look of each curve: that of its group or scheme,
+    with other dashes and markers from the second curve on.
 
-    If some curves have a group or scheme, the curves without one all look alike. If no curve has one, all look
-    different.
+    If some curves have a group or scheme, the curves without one all look alike. If no curve has
+    one, all look different.
     """
     if not any(s.look_key for s in series):
         return [_free(n) for n in range(len(series))]
@@ -135,7 +142,9 @@ def _free(number: int) -> Look:
 
 
 def require_picture(path: str | None) -> None:
-    """Raise UsageError, before any work, if a picture's file has a wrong suffix or matplotlib is not installed."""
+    """Raise UsageError, before any work, if a picture's file has a wrong suffix or matplotlib is
+    not installed.
+    """
     if path is None:
         return
     if Path(path).suffix.lower() not in SUFFIXES:
@@ -146,13 +155,17 @@ def require_picture(path: str | None) -> None:
 
 
 def require_matplotlib(otherwise: str) -> None:
-    """Raise UsageError if matplotlib is not installed; `otherwise` names what works without matplotlib."""
+    """Raise UsageError if matplotlib is not installed;
+    `otherwise` names what works without matplotlib.
+    """
     optional("matplotlib", "matplotlib, for pictures", f"pip install 'sepv[plots]'; {otherwise}")
 
 
 @contextmanager
 def figure(width: float, height: float, style: Mapping[str, Any] | None = None, **more: Any) -> Iterator[Any]:
-    """A matplotlib figure of a size in inches; `style` adds to the rc settings STYLE, `more` is passed to `Figure`."""
+    """A matplotlib figure of a size in inches; `style` adds to the rc settings STYLE,
+    `more` is passed to `Figure`.
+    """
     import matplotlib as mpl
 
     settings = {**STYLE, **(style or {})}
@@ -164,7 +177,9 @@ def figure(width: float, height: float, style: Mapping[str, Any] | None = None, 
 
 @cache
 def _figure_class() -> Any:
-    """Matplotlib's `Figure` with its rc settings, which a notebook shows even if it has not loaded pyplot."""
+    """Matplotlib's `Figure` with its rc settings, which a notebook shows even if it has not loaded
+    pyplot.
+    """
     from matplotlib.figure import Figure
 
     class NotebookFigure(Figure):
@@ -177,7 +192,9 @@ def _figure_class() -> Any:
 
 
 def content(drawn: Any, suffix: str, *, title: str | None = None, dpi: int = 160) -> bytes:
-    """The content of a file with the figure `drawn`, without a date; `suffix` is one of `SUFFIXES`."""
+    """The content of a file with the figure `drawn`, without a date; `suffix` is one of
+    `SUFFIXES`.
+    """
     kind = suffix.lower().lstrip(".")
     nameless: dict[str, Any] = {{"svg": "Date", "pdf": "CreationDate", "png": "Software"}[kind]: None}
     import matplotlib as mpl
@@ -214,13 +231,14 @@ def draw_curves(
     size: float = 4,
     most: int | None = None,
 ) -> None:
-    """Draw curves with their axes, without points that are not finite or, on a logarithmic axis, not positive.
+    """Draw curves with their axes, without points that are not finite or, on a logarithmic axis,
+    not positive.
 
-    slopes : the slopes of dashed lines below the curves; if any are given, the ticks of x are powers of two
-    equal : True if both axes have the same scale
-    window : if given, the frame shows |y| ≤ window only, and |x| ≤ window if `equal`
-    size : the size of markers, in points
-    most : the largest number of markers of a curve without a line; a long line has two points in each of `most` parts
+    slopes : the slopes of dashed lines below the curves; if any are given, the ticks of x are
+    powers of two equal : True if both axes have the same scale window : if given, the frame shows
+    |y| ≤ window only, and |x| ≤ window if `equal` size : the size of markers, in points most : the
+    largest number of markers of a curve without a line; a long line has two points in each of
+    `most` parts
     """
     points = [_finite(s, x.log, y.log) for s in series]
     for number, (s, look, (across, up, half)) in enumerate(
@@ -268,7 +286,8 @@ def draw_intervals(axes: Any, x: Any, y: Any, half: Any, look: Look, *, log: boo
 
 
 def _finite(s: Series, x_log: bool, y_log: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The points (x, y) of a curve that can be drawn, with half the widths of their intervals, 0 for none.
+    """The points (x, y) of a curve that can be drawn, with half the widths of their intervals,
+    0 for none.
 
     Beyond 1e300 the limits of the axes would overflow.
     """
@@ -281,8 +300,8 @@ def _finite(s: Series, x_log: bool, y_log: bool) -> tuple[np.ndarray, np.ndarray
 def _marked(style: str, count: int, number: int, most: int | None) -> Any:
     """The `markevery` of matplotlib for curve `number`, which has `count` points.
 
-    A line has a few markers; the next curve has them at other places. A cloud (markers without a line) has at most
-    `most` points.
+    A line has a few markers; the next curve has them at other places. A cloud (markers without a
+    line) has at most `most` points.
     """
     if style == "line":
         spacing = max(1, count // 8)
@@ -291,7 +310,8 @@ def _marked(style: str, count: int, number: int, most: int | None) -> Any:
 
 
 def _spikes(y: np.ndarray, strips: int) -> np.ndarray:
-    """The indices of the drawn points of a long line: both ends, and the least and largest y of each of `strips` parts.
+    """The indices of the drawn points of a long line: both ends,
+    and the least and largest y of each of `strips` parts.
 
     This choice keeps spikes visible.
     """
@@ -305,7 +325,9 @@ def _spikes(y: np.ndarray, strips: int) -> np.ndarray:
 
 
 def _slopes(axes: Any, points: Sequence[tuple[np.ndarray, ...]], slopes: Sequence[float]) -> None:
-    """Draw dashed lines of these slopes below the points; each starts at the least x, at half of the least y."""
+    """Draw dashed lines of these slopes below the points; each starts at the least x,
+    at half of the least y.
+    """
     x, y = (np.concatenate([p[k] for p in points]) if points else np.empty(0) for k in (0, 1))
     if not len(x):
         return
@@ -320,7 +342,9 @@ def _slopes(axes: Any, points: Sequence[tuple[np.ndarray, ...]], slopes: Sequenc
 
 
 def _scale(axes: Any, direction: Any, axis: Axis, base: int) -> None:
-    """Set label, scale and ticks of one axis. Powers are plain text, which every reader can copy."""
+    """Set label, scale and ticks of one axis. Powers are plain text, which every reader can
+    copy.
+    """
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
     direction.set_label_text(axis.label)

@@ -1,12 +1,14 @@
 """The pytest plugin. It never loads itself: ``pytest -p sepv.pytest_plugin`` loads it.
 
-``pytest -p sepv.pytest_plugin --pyargs sepv.properties --scheme mypkg.mymodule:step`` runs the laws on your scheme. If
-pytest is called without a path, the laws run, beside your own tests, on the schemes in the ini file's list
-``sepv_schemes``. A test module may have such a list too. If no scheme is named, the laws run on the built-in schemes.
+``pytest -p sepv.pytest_plugin --pyargs sepv.properties --scheme mypkg.mymodule:step`` runs the laws
+on your scheme. If pytest is called without a path, the laws run, beside your own tests, on the
+schemes in the ini file's list ``sepv_schemes``. A test module may have such a list too. If no
+scheme is named, the laws run on the built-in schemes.
 
-A claimed law must hold. The test of an unclaimed law, or of a law that does not apply, is skipped and shows the
-measurement. A law that ends in an error fails, claimed or not. ``--expected FILE`` takes a file that ``sepv verify
---pin`` wrote: a violation that the file does not list fails, and so does a listed violation that no longer occurs.
+A claimed law must hold. The test of an unclaimed law, or of a law that does not apply, is skipped
+and shows the measurement. A law that ends in an error fails, claimed or not. ``--expected FILE``
+takes a file that ``sepv verify --pin`` wrote: a violation that the file does not list fails, and so
+does a listed violation that no longer occurs.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ from sepv.law import Effort, Finding, Law, LawViolated, Run, Verdict, has_words
 from sepv.schemes import Scheme
 from sepv.verification import Expectations
 
-# The findings of this run. They are properties of tests, because pytest-xdist and JUnit files carry properties.
+# The findings of this run. They are properties of tests, because pytest-xdist and JUnit files carry
+# properties.
 _FINDINGS = pytest.StashKey[list[dict[str, str]]]()
 _RUNS = pytest.StashKey[dict[tuple[str, Effort], Run]]()
 _KEYS = ("sepv_scheme", "sepv_law", "sepv_verdict", "sepv_claimed", "sepv_name")
@@ -63,7 +66,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Read the options: the effort, the expectations, and the laws to run for schemes of the ini file."""
+    """Read the options: the effort, the expectations, and the laws to run for schemes of the ini
+    file.
+    """
     given = config.getoption("--sepv-seed")
     if given != "fresh" and not given.isdigit():
         raise pytest.UsageError(f"--sepv-seed: expected an integer ≥ 0 or 'fresh', received {given!r}")
@@ -88,7 +93,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _expectations(config: pytest.Config) -> Expectations:
-    """Read the expectations from the file that --expected or the ini value names; empty if neither names one."""
+    """Read the expectations from the file that --expected or the ini value names;
+    empty if neither names one.
+    """
     from sepv.verification import ALL_LAWS
     from sepv.verification import load_expectations as load
 
@@ -165,7 +172,9 @@ def effort(request: pytest.FixtureRequest) -> Effort:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
-    """Make a law's finding the outcome of its test, with the finding's text and without the frames of sepv."""
+    """Make a law's finding the outcome of its test, with the finding's text and without the frames
+    of sepv.
+    """
     if not _is_law(pyfuncitem.module):
         return (yield)
     from sepv import verification
@@ -180,8 +189,9 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
         if failure is not None:
             require_named(failure.witness, scheme)
         if not chosen.claimed_by(scheme) and not listed.is_pin:
-            # The violation of an unclaimed law is shown as one line, so its counterexample is not simplified.
-            # An error is shown in full, so the law is measured again with the full effort.
+            # The violation of an unclaimed law is shown as one line, so its counterexample is not
+            # simplified. An error is shown in full, so the law is measured again with the full
+            # effort.
             finding = verification.measure(
                 chosen, scheme, replace(run, effort=replace(run.effort, shrink_checks=0)), failure=failure
             )
@@ -229,7 +239,9 @@ def _conclude(finding: Finding, target: str, pinned: frozenset[str] | None) -> N
 
 
 class _Collector:
-    """The collector of findings for the table at the end, from this process or the workers of pytest-xdist."""
+    """The collector of findings for the table at the end,
+    from this process or the workers of pytest-xdist.
+    """
 
     def __init__(self, config: pytest.Config) -> None:
         self.config = config

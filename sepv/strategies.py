@@ -1,4 +1,6 @@
-"""Hypothesis strategies for random Poisson systems and steps, for your own tests (docs/random-systems.md)."""
+"""Hypothesis strategies for random Poisson systems and steps,
+for your own tests (docs/random-systems.md).
+"""
 
 from sepv.law.strategies import (
     CONTRACTION,

@@ -35,8 +35,8 @@ settings.load_profile("ci")
 SHIPPED = ("properties", "reference")
 
 
-# Hundreds of processes are started here. Where an environment forbids bytecode, each would compile sepv, its laws and
-# the plugins of pytest again, which is a third of its time.
+# Hundreds of processes are started here. Where an environment forbids bytecode, each would compile
+# sepv, its laws and the plugins of pytest again, which is a third of its time.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
@@ -44,8 +44,8 @@ sys.dont_write_bytecode = False
 def pytest_configure() -> None:
     """Stop where the installed sepv is another than the checkout's.
 
-    Tests import sepv from the checkout, the current folder. Processes that they start in other folders import the
-    installed one. After `pip install .` both are the same until a file changes.
+    Tests import sepv from the checkout, the current folder. Processes that they start in other
+    folders import the installed one. After `pip install .` both are the same until a file changes.
     """
     installed = Path(sysconfig.get_path("purelib"), "sepv")
     if not (installed / "__init__.py").exists():
@@ -60,20 +60,23 @@ def pytest_configure() -> None:
                 )
 
 
-# Where these tests run as a job of GitHub Actions, the schemes that they break are not annotated there.
+# Where these tests run as a job of GitHub Actions, the schemes that they break are not annotated
+# there.
 for _variable in ("GITHUB_ACTIONS", "GITHUB_STEP_SUMMARY"):
     os.environ.pop(_variable, None)
 
 
-# Each has something costly that its tests share: a site, a cluster, a report of all laws, a copy of the tree.
+# Each has something costly that its tests share: a site, a cluster, a report of all laws, a copy of
+# the tree.
 TOGETHER = {
     "tests/workers/test_clusters.py", "tests/commands/test_same_verdicts_at_every_door.py",
     "tests/docs/test_extending.py", "tests/verification/test_files.py", "tests/docs/test_site.py",
 }  # fmt: skip
 
 
-# What begins so has the marker `quick`: a look at each floor of the core, in less than a minute of one core. Compiled
-# code is in `tests/core`, a search of all cases of a law in the two tests of test_search.py.
+# What begins so has the marker `quick`: a look at each floor of the core, in less than a minute of
+# one core. Compiled code is in `tests/core`, a search of all cases of a law in the two tests of
+# test_search.py.
 SEARCHES = ("test_a_fault_of_a_pair_of_strata_is_found_in_that_pair[single", "test_a_wrong_term_is_named")
 QUICK = (
     "tests/record/", "tests/core/", "tests/problem/test_problems.py", "tests/problem/test_structures.py",
@@ -83,7 +86,9 @@ QUICK = (
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """With ``-m quick`` no file is read that has no such test: to read all takes longer than to run these."""
+    """With ``-m quick`` no file is read that has no such test:
+    to read all takes longer than to run these.
+    """
     if (
         config.option.markexpr != "quick"
         or collection_path.is_dir()
@@ -105,9 +110,11 @@ def _no_changed_case_is_kept(tmp_path_factory: pytest.TempPathFactory) -> Iterat
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """With ``-n`` the tests of these files go to one worker each; of the others each goes to the first that is free.
+    """With ``-n`` the tests of these files go to one worker each;
+    of the others each goes to the first that is free.
 
-    ``--dist loadgroup`` would do, but cannot stand in ``addopts``, where it is an error without workers.
+    ``--dist loadgroup`` would do, but cannot stand in ``addopts``, where it is an error without
+    workers.
     """
     if config.option.dist != "load":
         return None
@@ -121,8 +128,9 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return Scheduling(config, log)
 
 
-# With an adaptive quadrature in each step these laws take a quarter of a minute and more for this scheme. *Contract* is
-# measured on all other schemes of the paper; tests/core/test_implicit.py asks *reproducibility* of smaller batches.
+# With an adaptive quadrature in each step these laws take a quarter of a minute and more for this
+# scheme. *Contract* is measured on all other schemes of the paper; tests/core/test_implicit.py asks
+# *reproducibility* of smaller batches.
 DEEP = {
     "properties/test_contract.py::test_contract[discrete-gradient]",
     "properties/test_reproducibility.py::test_reproducibility[discrete-gradient]",
@@ -131,7 +139,9 @@ DEEP = {
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what ships without marks: laws that take long, and tests of `QUICK` that are not deep."""
+    """Mark what ships without marks: laws that take long, and tests of `QUICK` that are not
+    deep.
+    """
     for item in items:
         if item.nodeid in DEEP:
             item.add_marker(pytest.mark.deep)

@@ -1,4 +1,6 @@
-"""The doors of sepv as tests go through them: verdicts, a command, a fresh process, a file and its schema, a reader."""
+"""The doors of sepv as tests go through them: verdicts, a command, a fresh process,
+a file and its schema, a reader.
+"""
 
 import contextlib
 import importlib
@@ -52,7 +54,9 @@ def block_in(page: str, language: str, word: str = "") -> str:
 
 
 def but_deep(values: Iterable[Any], *deep: Any) -> list[Any]:
-    """Parameters, of which these run only with ``-m deep``; the others, and what they prove, run each time."""
+    """Parameters, of which these run only with ``-m deep``; the others, and what they prove,
+    run each time.
+    """
     rows, apart = ([v if type(v) is tuple else (v,) for v in given] for given in (values, deep))
     assert all(row in rows for row in apart), [row for row in apart if row not in rows]
     return [pytest.param(*row, marks=[pytest.mark.deep] * (row in apart)) for row in rows]
@@ -72,7 +76,9 @@ class Tags(HTMLParser):
 
 
 def chromium(profile: Path) -> list[str]:
-    """The command of a browser with a profile of its own that fetches nothing by itself; without one a skip."""
+    """The command of a browser with a profile of its own that fetches nothing by itself;
+    without one a skip.
+    """
     found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     if found is None:
         pytest.skip("Chromium is not installed: pages are read by a parser only")
@@ -109,7 +115,9 @@ def says(scheme: Any, law: str, verdict: str, *words: str, problems: Any = None,
 
 
 def command(line: str, code: int | None = 0, **environment: str) -> Result:
-    """A command line as a shell splits it, in this process; it ends with this code where one is given."""
+    """A command line as a shell splits it, in this process;
+    it ends with this code where one is given.
+    """
     done = CliRunner(env=environment).invoke(main, shlex.split(line), prog_name="sepv")
     assert code is None or done.exit_code == code, f"{line}: {done.exit_code}\n{done.output}"
     return done
@@ -141,7 +149,9 @@ def written(line: str, file: Path, name: str, *spoilt: dict[str, Any], **environ
 
 
 def ended(pids: Iterable[int], seconds: float = 20.0) -> bool:
-    """None of these processes runs any more, or soon does not; one that waits to be reaped has ended."""
+    """None of these processes runs any more, or soon does not;
+    one that waits to be reaped has ended.
+    """
     left, until = {str(pid) for pid in pids}, time.monotonic() + seconds
     while left and time.monotonic() < until:
         asked = ["ps", "-o", "pid=,stat=", "-p", ",".join(left)]
@@ -161,8 +171,8 @@ def shape(line: str) -> str:
 class Reader:
     """Commands and Python of a document, run in this process, which has imported everything.
 
-    Each process of its own would take a second to start. What a process does as it starts and ends is asked in
-    test_terminal.py and test_words_of_findings.py.
+    Each process of its own would take a second to start. What a process does as it starts and ends
+    is asked in test_terminal.py and test_words_of_findings.py.
     """
 
     def __init__(self, folder: Path, fewer: Callable[[list[str]], list[str]] = list) -> None:
@@ -177,7 +187,9 @@ class Reader:
         return printed.getvalue()
 
     def sepv(self, line: str) -> str:
-        """What a line ``sepv …`` prints; it must end well, but for one that says ``|| true`` or ``# red``."""
+        """What a line ``sepv …`` prints; it must end well,
+        but for one that says ``|| true`` or ``# red``.
+        """
         words = shlex.split(line, comments=True)
         may_fail = words[-2:] == ["||", "true"]
         words = self.fewer(words[: -2 if may_fail else None])
@@ -201,7 +213,9 @@ class Reader:
 
     @contextlib.contextmanager
     def _fresh(self) -> Iterator[None]:
-        """Modules of the folder are read anew, whatever other tests have left behind of the same names."""
+        """Modules of the folder are read anew, whatever other tests have left behind of the same
+        names.
+        """
         importlib.invalidate_caches()
         self._forget()
         before = sys.path[:]

@@ -1,4 +1,6 @@
-"""Systems and steps for tests: random systems as the laws draw them, one by hand, a changed step, both engines."""
+"""Systems and steps for tests: random systems as the laws draw them, one by hand, a changed step,
+both engines.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -86,7 +88,9 @@ def clipping(k: float) -> Step:
 
 
 def euler(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Euler's method with Stratonovich's coefficients as they are: it converges to Itô's solution."""
+    """Euler's method with Stratonovich's coefficients as they are: it converges to Itô's
+    solution.
+    """
     return np.asarray(y + problem.random_step(h, dW) * vector_field(problem, y))
 
 
@@ -114,7 +118,9 @@ def position(ends: Any) -> Any:
 
 
 def quartic(values=(0.7, 0.4, 0.3, 0.1, -0.05, 1.0, 0.25, -0.125), noise=(0.5, 0.25)) -> sepv.Problem:
-    """A random-looking quartic H in the plane with B(y) of degree one: nodes, derivatives and parameters all matter."""
+    """A random-looking quartic H in the plane with B(y) of degree one: nodes,
+    derivatives and parameters all matter.
+    """
     a, b, c, e, f, *B = values
     from sepv.problem import PolynomialSystem
     from sepv.record import polynomial

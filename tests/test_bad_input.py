@@ -1,7 +1,8 @@
-"""Bad input, class by class: each ends in an error of sepv that says what to do, or in a right result.
+"""Bad input, class by class: each ends in an error of sepv that says what to do,
+or in a right result.
 
-A row is a call of a function of sepv; test_bad_commands.py has files, programs and commands. Nothing may hang: an alarm
-rings after some seconds.
+A row is a call of a function of sepv; test_bad_commands.py has files, programs and commands.
+Nothing may hang: an alarm rings after some seconds.
 """
 
 import signal
@@ -526,7 +527,8 @@ def test_bad_input_ends_in_an_error_of_ours_or_a_right_result(name, tmp_path, mo
     monkeypatch.chdir(tmp_path)
     with np.errstate():
         CHECKS[name]()
-    # What came in has an end: no time limit of sepv's is left to go off later, and nobody went to another folder.
+    # What came in has an end: no time limit of sepv's is left to go off later, and nobody went to
+    # another folder.
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
     assert Path.cwd() == tmp_path.resolve()
 

@@ -1,4 +1,6 @@
-"""Cost grows as the work does: exact counts, because seconds on a shared machine cannot be gated."""
+"""Cost grows as the work does: exact counts, because seconds on a shared machine cannot be
+gated.
+"""
 
 import json
 from pathlib import Path
@@ -17,7 +19,9 @@ from sepv.simulate._ensembles import collectors
 
 
 class Touched(np.ndarray):
-    """An array that counts the elements that are read, written or summed, in all arrays of this kind together."""
+    """An array that counts the elements that are read, written or summed,
+    in all arrays of this kind together.
+    """
 
     elements = 0
 
@@ -55,7 +59,9 @@ KINDS: dict[str, dict[str, Any]] = {
 
 
 def touched(kind: str, paths: int, place: Path, monkeypatch: pytest.MonkeyPatch) -> set[int]:
-    """How many elements of its own arrays a collector touches from one chunk of 64 paths to the next."""
+    """How many elements of its own arrays a collector touches from one chunk of 64 paths to the
+    next.
+    """
     counts, collector = list[int](), getattr(collectors, kind)
     original = collector.take
 
@@ -86,7 +92,9 @@ def test_a_chunk_costs_the_same_among_few_and_many_paths(kind: str, tmp_path: Pa
 
 
 def chain(d: int, count: dict[str, int] | None = None) -> dict[str, Any]:
-    """Parts of a problem with B(y) of degree one and a quartic H of neighbours; `count` gets the calls of B and H."""
+    """Parts of a problem with B(y) of degree one and a quartic H of neighbours;
+    `count` gets the calls of B and H.
+    """
     counted = {} if count is None else count
     coupling = np.random.default_rng(1).uniform(-1, 1, d - 1)
 
@@ -148,7 +156,9 @@ def test_the_check_of_a_problem_evaluates_b_and_h_equally_often_in_every_dimensi
 )
 @pytest.mark.parametrize("error", [1e-6, -1.0])
 def test_one_wrong_entry_among_thousands_is_found_and_named(part: str, place: Any, error: float) -> None:
-    """One error δ changes the sum along the direction by more than δ/2: it is seen for certain, not by luck."""
+    """One error δ changes the sum along the direction by more than δ/2: it is seen for certain,
+    not by luck.
+    """
     parts = chain(40)
     right = parts[part]
 
@@ -181,13 +191,17 @@ def _J(d: int) -> Any:
 
 
 def problem_file(terms: int, d: int = 3) -> dict[str, Any]:
-    """A problem with a Hamiltonian of so many terms y₁ᵃy₂ᵇ, of which one entry of H″ has nearly all."""
+    """A problem with a Hamiltonian of so many terms y₁ᵃy₂ᵇ,
+    of which one entry of H″ has nearly all.
+    """
     hamiltonian = [[[2 + k % 300, k // 300, *[0] * (d - 2)], 1e-3] for k in range(terms)]
     return {"dimension": d, "hamiltonian": hamiltonian, "structure": [[0, 1, [[[0] * d, 1.0]]]]}
 
 
 def test_tables_of_a_polynomial_hold_its_terms_and_no_padding() -> None:
-    """Bytes per term: H″ of d variables has d² sums, which one long sum must not make all as long."""
+    """Bytes per term: H″ of d variables has d² sums, which one long sum must not make all as
+    long.
+    """
     problem = problems.build(problems.from_json(problem_file(1200, d=8)))
     problem.hessian(np.full((8, 100), 0.5))
     sums = problem.hessian._sums

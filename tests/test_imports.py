@@ -48,7 +48,8 @@ def by_name(node: ast.AST) -> str:
 
 
 def imports(path: Path) -> set[str]:
-    """The modules of sepv that a file imports: inside functions, for types alone, and those of other rooms by name.
+    """The modules of sepv that a file imports: inside functions, for types alone,
+    and those of other rooms by name.
 
     A room may load its own files by their names, or start processes that run them.
     """
@@ -66,7 +67,8 @@ def imports(path: Path) -> set[str]:
     return {n for n in names if n.startswith("sepv")} - UP.get(path.relative_to(ROOT).as_posix(), set())
 
 
-# The arrows that run up: a solver of another library is found by its name, and its adapter is made of schemes.
+# The arrows that run up: a solver of another library is found by its name, and its adapter is made
+# of schemes.
 UP = {
     "sepv/schemes/_load_target.py": {"sepv.peers.peer"},
     "sepv/studies/_compare/method.py": {"sepv.peers.peer"},
@@ -91,7 +93,9 @@ def order(arrows: dict[str, set[str]]) -> list[str]:
 
 
 def test_imports_between_rooms_go_one_way() -> None:
-    """The layers are read from the tree: each room imports from those below it alone, inside functions too."""
+    """The layers are read from the tree: each room imports from those below it alone,
+    inside functions too.
+    """
     arrows: dict[str, set[str]] = {}
     for module, path in MODULES.items():
         if module not in ("sepv", "sepv.__main__"):  # the front doors
@@ -113,9 +117,9 @@ def test_imports_between_modules_go_one_way() -> None:
     assert lowest_first.index("sepv.core.newton") < lowest_first.index("sepv.schemes._energy_preserving")
 
 
-# What sees the inside of another room: a scheme that is broken on purpose is made of the parts of a right one; and the
-# measurement that runs in another checkout finds in an old one the modules,
-# and not what their room offers today.
+# What sees the inside of another room: a scheme that is broken on purpose is made of the parts of a
+# right one; and the measurement that runs in another checkout finds in an old one the modules, and
+# not what their room offers today.
 SEES_INSIDE = {
     "sepv.faults": "sepv.schemes",
     "sepv.studies._bench.measure": "sepv.simulate",
@@ -139,13 +143,17 @@ def taken_from_inside(module: str, path: Path) -> list[str]:
 
 
 def test_names_across_rooms_come_from_the_room_itself() -> None:
-    """An `__init__` offers what others need, and modules at the top are everybody's. Tests look inside."""
+    """An `__init__` offers what others need, and modules at the top are everybody's.
+    Tests look inside.
+    """
     inside = {m: n for m, path in MODULES.items() if (n := taken_from_inside(m, path))}
     assert inside == {}, "let the room's __init__ import the name, and import it from the room"
 
 
 def test_few_parts_of_schemes_are_taken_from_inside(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A part that no door offers is for the scheme and for the saboteur that breaks it: there are no more of them."""
+    """A part that no door offers is for the scheme and for the saboteur that breaks it:
+    there are no more of them.
+    """
     monkeypatch.delitem(SEES_INSIDE, "sepv.faults")
     inside = [
         n for m, path in MODULES.items() if room(m) == "sepv.faults" for n in taken_from_inside(m, path)

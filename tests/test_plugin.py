@@ -13,7 +13,8 @@ from sepv.schemes import midpoint
 from sepv.verification import ALL_LAWS, Effort, load_laws, pin, verify
 
 pytest_plugins = ["pytester"]
-# What a run in this process imports first, pytester forgets afterwards, and NumPy's extensions load once in a process.
+# What a run in this process imports first, pytester forgets afterwards, and NumPy's extensions load
+# once in a process.
 load_laws()
 
 DOOR = ("-p", "sepv.pytest_plugin", "-p", "no:cacheprovider", "--sepv-examples", "8", "--sepv-paths", "256")
@@ -162,7 +163,9 @@ def test_a_wrong_seed_is_a_usage_error(pytester: pytest.Pytester) -> None:
 
 
 def test_a_third_party_package_runs_the_laws_from_an_installed_wheel(tmp_path: Path) -> None:
-    """A little package with a scheme of its own, beside sepv, built as a wheel and installed in a folder."""
+    """A little package with a scheme of its own, beside sepv,
+    built as a wheel and installed in a folder.
+    """
     site, source = tmp_path / "site", tmp_path / "source"
     # What a wheel is built from, without build folders of this checkout.
     source.mkdir()

@@ -1,4 +1,6 @@
-"""Changes of verdicts between versions of a library: each record is compared with the record before it."""
+"""Changes of verdicts between versions of a library: each record is compared with the record before
+it.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +61,9 @@ def _between(before: Record, after: Record) -> Iterator[Change]:
 
 
 def _besides(before: Record, after: Record) -> Iterator[str]:
-    """The differences between two records other than the library itself, such as versions of other packages."""
+    """The differences between two records other than the library itself,
+    such as versions of other packages.
+    """
     old, new = before.data, after.data
     if old["suite"]["laws_version"] != new["suite"]["laws_version"]:
         yield f"suite {old['suite']['laws_version']} → {new['suite']['laws_version']}"
@@ -92,7 +96,9 @@ def cell(record: Record, solver: str) -> str:
 
 @dataclass(frozen=True)
 class Deviation:
-    """A script about a deviation: the versions that have the deviation, and the version that mended it."""
+    """A script about a deviation: the versions that have the deviation,
+    and the version that mended it.
+    """
 
     library: str
     script: str
@@ -117,13 +123,17 @@ def deviations(records: Sequence[Record]) -> list[Deviation]:
 
 
 def _mended(found: Sequence[tuple[str, bool | None]]) -> str:
-    """The first version without the deviation after the last version with it; "" if there is none."""
+    """The first version without the deviation after the last version with it; "" if there is
+    none.
+    """
     last = max((n for n, (_, deviates) in enumerate(found) if deviates), default=len(found))
     return next((version for version, deviates in found[last:] if deviates is False), "")
 
 
 def to_json(found: dict[str, list[Record]]) -> dict[str, Any]:
-    """The content of the page as JSON for another program: by library the versions, cells, changes and deviations."""
+    """The content of the page as JSON for another program: by library the versions, cells,
+    changes and deviations.
+    """
     return {
         library: {
             "versions": [r.version for r in latest(records)],
@@ -138,5 +148,7 @@ def to_json(found: dict[str, list[Record]]) -> dict[str, Any]:
 
 
 def solvers(records: Sequence[Record]) -> list[str]:
-    """The names of all solvers: first those of the last version, then those that it no longer has."""
+    """The names of all solvers: first those of the last version, then those that it no longer
+    has.
+    """
     return list(dict.fromkeys(name for record in reversed(latest(records)) for name in record.solvers))

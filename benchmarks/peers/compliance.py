@@ -1,8 +1,9 @@
-"""The compliance table of other libraries' solvers: ``python -m benchmarks.peers.compliance --out docs/compliance.md``.
+"""The compliance table of other libraries' solvers: ``python -m benchmarks.peers.compliance --out
+docs/compliance.md``.
 
-The table has the verdict of every law on every solver of `sepv.peers`, as by `sepv verify`, and energy
-defects in numbers. A solver is marked if a script in the folder ``peers`` beside the output shows that it deviates from
-its documentation (`benchmarks.peers.deviations`).
+The table has the verdict of every law on every solver of `sepv.peers`, as by `sepv verify`, and
+energy defects in numbers. A solver is marked if a script in the folder ``peers`` beside the output
+shows that it deviates from its documentation (`benchmarks.peers.deviations`).
 """
 
 from __future__ import annotations
@@ -128,14 +129,18 @@ def _grouped(pairs: Iterable[tuple[str, str]]) -> list[str]:
 
 
 def _listed(names: Sequence[str]) -> str:
-    """The solvers, each "library name", in one line. Successive solvers of one library do not repeat its name."""
+    """The solvers, each "library name", in one line. Successive solvers of one library do not
+    repeat its name.
+    """
     libraries = ["", *(name.split()[0] for name in names)]
     pairs = zip(names, libraries, strict=False)
     return "; ".join(name.removeprefix(f"{before} ") if before else name for name, before in pairs)
 
 
 def _energy_defects(found: Sequence[Row]) -> str:
-    """The range of the energy defects of other libraries' solvers beside the defect of sepv's own scheme."""
+    """The range of the energy defects of other libraries' solvers beside the defect of sepv's own
+    scheme.
+    """
     lines, own = [], found[0]
     for at, setup in enumerate(SETUPS):
         others = {r.name: r.energy[at] for r in found[1:]}
@@ -151,7 +156,9 @@ def _energy_defects(found: Sequence[Row]) -> str:
 
 
 def kept(verdicts: Mapping[str, str]) -> tuple[str, str]:
-    """Two texts from the marks of laws: how many claimed laws hold and which do not, and the other laws that hold."""
+    """Two texts from the marks of laws: how many claimed laws hold and which do not,
+    and the other laws that hold.
+    """
     claimed = {law: mark.removesuffix(" +") for law, mark in verdicts.items() if mark.endswith("+")}
     failed = [f"{law} {WORDS.get(mark, mark)}" for law, mark in claimed.items() if mark != HOLDS]
     held = [law for law, mark in verdicts.items() if mark == HOLDS]
@@ -193,7 +200,9 @@ is documented, they claim the order by theory. Each solver runs its library's co
 @click.command()
 @page_options(LIBRARIES)
 def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: int) -> None:
-    """Measure every law on every solver that the adapters cover, and write the table as Markdown."""
+    """Measure every law on every solver that the adapters cover, and write the table as
+    Markdown.
+    """
     # Counterexamples are not shown here, so that little is spent on simplifying them.
     effort = Effort(seed=seed, shrink_checks=50)
     with measuring(keep) as line:

@@ -21,7 +21,8 @@ from sepv.schemes import Scheme, page_of
 from sepv.verification import verify
 
 LIBRARIES = tuple(VERSIONS)
-# The setups on which schemes with untruncated increments are judged: all solvers here have such increments.
+# The setups on which schemes with untruncated increments are judged: all solvers here have such
+# increments.
 SETUPS = setups(truncation=None)
 
 # Laws by quadrature over ΔW, which do not average over other noise that a step draws.
@@ -30,7 +31,9 @@ NO_AREAS = "not applicable: these laws average over ΔW alone, but the step also
 
 
 def law_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort) -> Iterator[Cell]:
-    """The cells of laws on one scheme, without the laws that cannot judge it because it draws areas (`silent`)."""
+    """The cells of laws on one scheme, without the laws that cannot judge it because it draws areas
+    (`silent`).
+    """
     for law in laws:
         if law.name in OVER_INCREMENTS and draws(library, scheme):
             continue
@@ -42,7 +45,9 @@ def law_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort)
 
 
 def silent(library: str, scheme: Scheme) -> dict[str, dict[str, Any]]:
-    """Law -> the finding "not applicable", for the laws that cannot judge a solver that draws areas beside ΔW."""
+    """Law -> the finding "not applicable", for the laws that cannot judge a solver that draws areas
+    beside ΔW.
+    """
     text = {"verdict": Verdict.NOT_APPLICABLE.value, "claimed": False, "message": NO_AREAS, "measured": ()}
     return {name: text for name in OVER_INCREMENTS if draws(library, scheme)}
 

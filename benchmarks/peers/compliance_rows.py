@@ -1,4 +1,6 @@
-"""A row of the compliance table: the measured behaviour of one solver, in words and numbers for a reader."""
+"""A row of the compliance table: the measured behaviour of one solver,
+in words and numbers for a reader.
+"""
 
 from __future__ import annotations
 
@@ -63,7 +65,8 @@ def _notes(scheme: Scheme, findings: Mapping[str, Any]) -> Iterator[str]:
     for name, found in findings.items():
         lines = found["message"].splitlines()
         if Verdict(found["verdict"]) is Verdict.ERROR and lines:
-            # The message has the case that could not be measured, and then three lines of the error.
+            # The message has the case that could not be measured, and then three lines of the
+            # error.
             yield f"{scheme.name}, {name}: {lines[-3] if lines[0].endswith(':') and len(lines) > 3 else lines[0]}"
     no_areas = [name for name, found in findings.items() if found["message"] == NO_AREAS]
     if no_areas:

@@ -1,12 +1,15 @@
-"""Scripts that use a library alone, without sepv, to show where its solver differs from its documentation.
+"""Scripts that use a library alone, without sepv, to show where its solver differs from its
+documentation.
 
-``python -m benchmarks.peers.deviations --out docs`` runs the scripts and makes two pages: deviations.md has solvers of
-stochastic equations, integrator-deviations.md integrators without noise.
+``python -m benchmarks.peers.deviations --out docs`` runs the scripts and makes two pages:
+deviations.md has solvers of stochastic equations, integrator-deviations.md integrators without
+noise.
 
-A script is a file of the folder ``docs/peers``. Its docstring begins with the solver, "library name", a colon and the
-statement. Its list NOTES has a (place, date, quotation) for each place where the library itself speaks of the matter.
-README, docstring, source and public threads were read, and no deviation is published without these quotations. The exit
-code is 1 if the difference is there, and 0 if not.
+A script is a file of the folder ``docs/peers``. Its docstring begins with the solver, "library
+name", a colon and the statement. Its list NOTES has a (place, date, quotation) for each place where
+the library itself speaks of the matter. README, docstring, source and public threads were read, and
+no deviation is published without these quotations. The exit code is 1 if the difference is there,
+and 0 if not.
 """
 
 from __future__ import annotations
@@ -26,7 +29,8 @@ from sepv.errors import UsageError
 from sepv.files import write_atomically
 
 COMMAND = "python -m benchmarks.peers.deviations --out docs"
-# Libraries with solvers of stochastic equations. All other libraries have integrators without noise.
+# Libraries with solvers of stochastic equations. All other libraries have integrators without
+# noise.
 STOCHASTIC = ("diffrax", "sdeint", "torchsde")
 
 
@@ -57,7 +61,9 @@ class Shown:
 
     @property
     def deviates(self) -> bool | None:
-        """True if the library still deviates from its documentation; None if the script itself failed."""
+        """True if the library still deviates from its documentation;
+        None if the script itself failed.
+        """
         return None if self.code not in (0, 1) or "Traceback" in self.errors else self.code == 1
 
 
@@ -80,7 +86,9 @@ def shown_by(folder: Path, libraries: Collection[str] = ()) -> Iterator[Shown]:
 
 @dataclass(frozen=True)
 class Deviation:
-    """A solver, "library name", that differs from its documentation, and the section of a page about it."""
+    """A solver, "library name", that differs from its documentation,
+    and the section of a page about it.
+    """
 
     solver: str
     text: str
@@ -103,7 +111,9 @@ def deviations_shown_by(folder: Path, libraries: Collection[str] = ()) -> list[D
 
 
 def section(script: Shown, folder: str) -> str:
-    """The section of the page on one deviation: quotations from the library, then the measurement."""
+    """The section of the page on one deviation: quotations from the library, then the
+    measurement.
+    """
     notes = "\n".join(f"- {note.place}, {note.date}: “{note.quotation}”" for note in script.notes)
     run = f"[`{folder}/{script.name}`]({folder}/{script.name}) prints"
     return f"### {script.title}\n\n{notes}\n\n{script.body}\n\n{run}\n\n```\n{script.output}\n```"

@@ -1,4 +1,6 @@
-"""Environments, made and kept by uv, with one version of another library and the sepv of this checkout."""
+"""Environments, made and kept by uv, with one version of another library and the sepv of this
+checkout.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,9 @@ ROOT = Path(__file__).resolve().parents[2]
 # Addresses and names of hosts, which are left out of messages, because they are the user's own.
 _ADDRESS = re.compile(r"\w+://\S+|host='[^']*'")
 
-# Released versions that were measured, each with the versions of other packages that it needs: a library states the
-# oldest versions that it accepts, but seldom the newest. () means that it runs with the newest versions of all.
+# Released versions that were measured, each with the versions of other packages that it needs: a
+# library states the oldest versions that it accepts, but seldom the newest. () means that it runs
+# with the newest versions of all.
 VERSIONS: dict[str, dict[str, tuple[str, ...]]] = {
     "diffrax": {"0.5.1": ("jax==0.4.38", "jaxlib==0.4.38", "equinox==0.11.12"), "0.6.2": (), "0.7.2": ()},
     "torchsde": {"0.2.5": (), "0.2.6": ()},
@@ -32,7 +35,8 @@ class EnvironmentFailure(SepvError, RuntimeError):
 
 
 def measure(requirements: Sequence[str], arguments: Sequence[str], python: str = sys.executable) -> None:
-    """Run ``python -m benchmarks.peers.one_release`` with these requirements of uv, such as ``"diffrax==0.6.2"``.
+    """Run ``python -m benchmarks.peers.one_release`` with these requirements of uv,
+    such as ``"diffrax==0.6.2"``.
 
     Raises
     ------

@@ -1,8 +1,10 @@
-"""The page on the laws that integrators of samplers and simulators keep: ``python -m benchmarks.peers.integrators``.
+"""The page on the laws that integrators of samplers and simulators keep:
+``python -m benchmarks.peers.integrators``.
 
-The integrators of all installed libraries (`Peer.integrators`) are tested on random mechanical systems. If a claim does
-not hold, a script shows the reason without sepv. If the library's documentation says otherwise, the script is in the
-folder ``peers`` beside the page (`benchmarks.peers.deviations`). If the reason is rounding, the script is in the folder
+The integrators of all installed libraries (`Peer.integrators`) are tested on random mechanical
+systems. If a claim does not hold, a script shows the reason without sepv. If the library's
+documentation says otherwise, the script is in the folder ``peers`` beside the page
+(`benchmarks.peers.deviations`). If the reason is rounding, the script is in the folder
 ``integrators``, and the page integrator-rounding.md quotes it.
 """
 
@@ -95,7 +97,9 @@ def document(
 
 
 def rounding(rounded: Sequence[Deviation], command: str) -> str:
-    """The page of integrators that keep an invariant to a tolerance or to larger roundings, in Markdown."""
+    """The page of integrators that keep an invariant to a tolerance or to larger roundings,
+    in Markdown.
+    """
     head = (
         "# Integrators that keep invariants, but not to rounding\n\n"
         "These integrators agree with their documentation. Each section quotes the library, and shows the output of "
@@ -121,7 +125,9 @@ def _marks(differing: Iterable[Deviation], rounded: Iterable[Deviation]) -> Iter
 
 
 def _reasons(found: Sequence[Row], marked: Collection[str]) -> Iterator[str]:
-    """The defects of claimed laws that do not hold, if no script shows them, and the reasons of errors."""
+    """The defects of claimed laws that do not hold, if no script shows them,
+    and the reasons of errors.
+    """
     for row in found:
         violated = []
         for law, f in row.found.items():

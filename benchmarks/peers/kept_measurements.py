@@ -1,8 +1,10 @@
-"""Long measurements, each stored in a file as soon as it is made, so that an interrupted run can continue.
+"""Long measurements, each stored in a file as soon as it is made,
+so that an interrupted run can continue.
 
-A cell is the measurement of one law on one solver, or of one number on one problem. Its key lists what the result
-depends on: the releases of the library and of sepv, the seed, and the law's text. If one of these changes, the cell is
-measured again. Other changes to sepv's code are not in the key; after such a change begin with an empty folder.
+A cell is the measurement of one law on one solver, or of one number on one problem. Its key lists
+what the result depends on: the releases of the library and of sepv, the seed, and the law's text.
+If one of these changes, the cell is measured again. Other changes to sepv's code are not in the
+key; after such a change begin with an empty folder.
 """
 
 from __future__ import annotations
@@ -38,7 +40,9 @@ class Cell:
 
 
 def measured(cells: Iterable[Cell], folder: Path | None, shown: Shown) -> dict[tuple[str, str], Any]:
-    """The value of every cell, by solver and name: read from the folder, or else measured and stored there."""
+    """The value of every cell, by solver and name: read from the folder,
+    or else measured and stored there.
+    """
     listed = list(cells)
     kept = {solver: _read(folder, solver) for solver in {cell.solver for cell in listed}}
     missing = [cell for cell in listed if cell.digest not in kept[cell.solver]]

@@ -1,7 +1,9 @@
-"""Measure the installed version of one library, and record it: ``python -m benchmarks.peers.one_release``.
+"""Measure the installed version of one library, and record it:
+``python -m benchmarks.peers.one_release``.
 
-`benchmarks.peers.releases` runs this program in the environment of each version. It runs only the laws about what a
-general library claims of a solver: its orders and its limit. The compliance table has all laws.
+`benchmarks.peers.releases` runs this program in the environment of each version. It runs only the
+laws about what a general library claims of a solver: its orders and its limit. The compliance table
+has all laws.
 """
 
 from __future__ import annotations
@@ -28,8 +30,9 @@ from sepv.peers.peer import load
 from sepv.verification import SUITE, load_laws
 
 FORMAT = 1
-# The laws that are quick enough for many versions. Local laws, by quadrature over several noises, find most faults of a
-# formula. Laws that search are slow, because they need a new compilation for systems of each size.
+# The laws that are quick enough for many versions. Local laws, by quadrature over several noises,
+# find most faults of a formula. Laws that search are slow, because they need a new compilation for
+# systems of each size.
 QUICK_LAWS = ("local-mean", "local-mean-square", "local-weak", "mean-square-order", "right-limit")
 # The most characters of a law's message; `sepv verify` prints the whole message.
 MESSAGE_MAX_CHARACTERS = 600
@@ -38,7 +41,9 @@ MESSAGE_MAX_CHARACTERS = 600
 def record(
     library: str, effort: Effort, keep: Path | None, scripts: Path | None, shown: Any
 ) -> dict[str, Any]:
-    """The record of the installed library: the measured behaviour of its solvers, as in record.schema.json."""
+    """The record of the installed library: the measured behaviour of its solvers,
+    as in record.schema.json.
+    """
     adapter, asked = load(library), load_laws(QUICK_LAWS)
     schemes = tuple(adapter.schemes.values())
     cells = [cell for s in schemes for cell in measurements.law_cells(library, s, asked, effort)]

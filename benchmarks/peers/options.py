@@ -18,7 +18,9 @@ _KEEP = (
 
 
 def page_options(known: Sequence[str]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add to a command the options --out, --keep, --seed, and --library, whose value is one of `known`."""
+    """Add to a command the options --out, --keep, --seed, and --library,
+    whose value is one of `known`.
+    """
 
     def add(command: Callable[..., Any]) -> Callable[..., Any]:
         for option in (
@@ -45,7 +47,9 @@ def page_options(known: Sequence[str]) -> Callable[[Callable[..., Any]], Callabl
 
 @contextmanager
 def measuring(keep: Path | None) -> Iterator[Shown]:
-    """Show progress on stderr. Errors of sepv become messages, and Ctrl-C says where the finished cells are stored."""
+    """Show progress on stderr. Errors of sepv become messages,
+    and Ctrl-C says where the finished cells are stored.
+    """
     if keep is not None:
         keep.mkdir(parents=True, exist_ok=True)
     try:
@@ -59,7 +63,9 @@ def measuring(keep: Path | None) -> Iterator[Shown]:
 
 
 def put(out: Path | None, page: Callable[[str], str], libraries: Sequence[str], seed: int) -> None:
-    """Write the page to the file `out`, or print it. `page` makes the text from the arguments of the command."""
+    """Write the page to the file `out`, or print it. `page` makes the text from the arguments of
+    the command.
+    """
     chosen = "".join(f" --library {name}" for name in libraries) + (f" --seed {seed}" if seed else "")
     text = page((f" --out {out}" if out else "") + chosen)
     if out is None:

@@ -1,7 +1,8 @@
-"""Records: the measured behaviour of each version of a library, in ``results/LIBRARY/VERSION.json``.
+"""Records: the measured behaviour of each version of a library,
+in ``results/LIBRARY/VERSION.json``.
 
-A record is never overwritten. If a version is measured again, for example by a newer suite, the new record is stored
-beside the old one, with its date in the name: ``VERSION@DATE.json``.
+A record is never overwritten. If a version is measured again, for example by a newer suite, the new
+record is stored beside the old one, with its date in the name: ``VERSION@DATE.json``.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ _SCHEMA = Path(__file__).with_name("record.schema.json")
 
 
 def _fault(data: Any) -> str:
-    """The violation of record.schema.json by the data of a record, as text; empty if there is none."""
+    """The violation of record.schema.json by the data of a record, as text; empty if there is
+    none.
+    """
     return fault(data, json.loads(_SCHEMA.read_text(encoding="utf-8")))
 
 
@@ -53,7 +56,9 @@ def recorded(folder: Path, library: str, version: str) -> list[Path]:
 
 
 def add(folder: Path, data: dict[str, Any]) -> Path:
-    """Write a record to the folder under a new name. Raise UsageError if this version has a record of this day."""
+    """Write a record to the folder under a new name. Raise UsageError if this version has a record
+    of this day.
+    """
     if wrong := _fault(data):
         raise UsageError(expected="a record of a version", received=wrong, remedy="measure it again")
     own, version = folder / data["library"], data["version"]
@@ -71,7 +76,9 @@ def add(folder: Path, data: dict[str, Any]) -> Path:
 
 
 def load(folder: Path) -> dict[str, list[Record]]:
-    """All records by library, in the order of versions and then of dates. Raise UsageError if there are none."""
+    """All records by library, in the order of versions and then of dates.
+    Raise UsageError if there are none.
+    """
     found: dict[str, list[Record]] = {}
     for path in sorted(folder.glob("*/*.json")):
         said = {

@@ -1,4 +1,6 @@
-"""Released versions of other libraries, measured and recorded: ``python -m benchmarks.peers.releases``."""
+"""Released versions of other libraries, measured and recorded:
+``python -m benchmarks.peers.releases``.
+"""
 
 from __future__ import annotations
 
@@ -39,10 +41,12 @@ from sepv.files import read_json
 @click.option("-j", "--jobs", type=cli.COUNT, default=1, help="Side by side.")
 @cli.friendly
 def main(library: str | None, releases: cli.Names, versions: bool, results: str, **options: Any) -> None:
-    """Measure VERSIONs of LIBRARY, each in an environment of its own, and record the behaviour of its solvers.
+    """Measure VERSIONs of LIBRARY, each in an environment of its own,
+    and record the behaviour of its solvers.
 
-    uv installs each version, from its usual source. A record is RESULTS/LIBRARY/VERSION.json and is never overwritten:
-    with --again, a further record has its date in its name. Without a version, existing records are listed.
+    uv installs each version, from its usual source. A record is RESULTS/LIBRARY/VERSION.json and is
+    never overwritten: with --again, a further record has its date in its name. Without a version,
+    existing records are listed.
 
     \b
     python -m benchmarks.peers.releases                              list the records
@@ -51,7 +55,8 @@ def main(library: str | None, releases: cli.Names, versions: bool, results: str,
     python -m benchmarks.peers.releases diffrax 0.5.1 --with "jax<0.5" --keep peers
     python -m benchmarks.peers.trend                                 which verdict changed, and when
 
-    Exit codes: 0 every version is recorded; 2 wrong usage; 3 a version could not be installed or measured.
+    Exit codes: 0 every version is recorded; 2 wrong usage; 3 a version could not be installed or
+    measured.
     """
     folder = Path(results)
     asked = _asked(library, releases, versions)

@@ -1,8 +1,9 @@
 """One solver of a library for general noise: its documented orders by kind of noise, and its step.
 
-The problems are systems with several Hamiltonians, one system for each kind of noise. A solver of Itô equations gets
-the system in Itô's form, which has the same solution. If a solver needs space-time Lévy areas or the areas A_ij besides
-increments, it gets them from the path that the reference solution uses (`sepv.simulate._areas`).
+The problems are systems with several Hamiltonians, one system for each kind of noise. A solver of
+Itô equations gets the system in Itô's form, which has the same solution. If a solver needs
+space-time Lévy areas or the areas A_ij besides increments, it gets them from the path that the
+reference solution uses (`sepv.simulate._areas`).
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from sepv.posing import Path
 from sepv.problem import Problem
 from sepv.schemes import Scheme, Step, Systems
 
-# One system for each kind of noise. The systems are polynomial, so that the generator gives exact means. They have no
-# symmetry that would make errors vanish.
+# One system for each kind of noise. The systems are polynomial, so that the generator gives exact
+# means. They have no symmetry that would make errors vanish.
 PROBLEMS: dict[str, Callable[[], Problem]] = {
     "general": problems.random_inertia,
     "commutative": problems.commuting_twists,
@@ -56,7 +57,8 @@ class Solver:
     asks : str
         The areas that it needs, as for `Scheme`.
     path : callable (kind of noise) -> path, optional
-        For a solver with a state of its own: (problem, y0, h, dW (N, m + k, M)) -> states (N + 1, d, M).
+        For a solver with a state of its own: (problem, y0, h, dW (N, m + k, M)) -> states (N + 1,
+        d, M).
     """
 
     name: str
@@ -69,7 +71,9 @@ class Solver:
     path: Callable[[str], Path] | None = None
 
     def scheme(self, kind: str) -> Scheme:
-        """The solver's step as a scheme for the problem with this kind of noise; it claims the documented orders."""
+        """The solver's step as a scheme for the problem with this kind of noise;
+        it claims the documented orders.
+        """
         strong, weak = self.documented[kind]
         return Scheme(
             name=f"{self.name}, {kind}",

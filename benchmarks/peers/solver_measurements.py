@@ -1,9 +1,11 @@
-"""Measurements of a solver for each kind of noise: orders of one step and of paths, the limit, and kept structure.
+"""Measurements of a solver for each kind of noise: orders of one step and of paths, the limit,
+and kept structure.
 
-The laws "local-mean", "local-mean-square" and "local-weak" give slopes of errors of one step by quadrature. By
-Milstein's theorem the mean-square order is the lesser of the slope of the mean error less 1 and that of the rms error
-less ½; the weak order is the slope of the weak error less 1. The order of paths is the slope of the rms error against
-the log-ODE, as in the law "mean-square-order". It is measured if the documented order is at most the log-ODE's, 1.
+The laws "local-mean", "local-mean-square" and "local-weak" give slopes of errors of one step by
+quadrature. By Milstein's theorem the mean-square order is the lesser of the slope of the mean error
+less 1 and that of the rms error less ½; the weak order is the slope of the weak error less 1. The
+order of paths is the slope of the rms error against the log-ODE, as in the law "mean-square-order".
+It is measured if the documented order is at most the log-ODE's, 1.
 """
 
 from __future__ import annotations
@@ -40,7 +42,8 @@ PATHS, SINGLE = 512, 128
 ALPHA = 1e-4
 # The order of the log-ODE, which is the reference for paths.
 LOG_ODE_ORDER = 1.0
-# A step that is small enough to show the limit up to LIMIT: a mean is off by O(h), or O(√h) for differences over √h.
+# A step that is small enough to show the limit up to LIMIT: a mean is off by O(h), or O(√h) for
+# differences over √h.
 LIMIT_STEP, LIMIT = 2.0**-16, 0.05
 
 
@@ -67,8 +70,8 @@ def cells(library: str, solver: Solver, effort: Effort) -> Iterator[Cell]:
 def orders(solver: Solver, kind: str, local: dict[str, Any]) -> tuple[float, float]:
     """Mean-square and weak order from the slopes of `_local`.
 
-    Steps are compared with the log-ODE. It differs from the solution by O(h^{3/2}), or by O(h²) if noises commute and
-    space-time areas are known. So no order above 1, or 1.5, is visible.
+    Steps are compared with the log-ODE. It differs from the solution by O(h^{3/2}), or by O(h²) if
+    noises commute and space-time areas are known. So no order above 1, or 1.5, is visible.
     """
     mean, rms, weak = (local[law]["slope"] for law in LOCAL)
     known = 1.5 if solver.asks == "space-time" and kind != "general" else LOG_ODE_ORDER
@@ -76,7 +79,9 @@ def orders(solver: Solver, kind: str, local: dict[str, Any]) -> tuple[float, flo
 
 
 def _local(solver: Solver, kind: str, effort: Effort) -> dict[str, Any]:
-    """Slopes of the three local errors, infinite if all errors are rounding, and verdicts on the documented orders."""
+    """Slopes of the three local errors, infinite if all errors are rounding,
+    and verdicts on the documented orders.
+    """
     report = verify(solver.scheme(kind), laws=list(LOCAL), effort=effort)
     if report.interrupted:
         raise KeyboardInterrupt
@@ -100,9 +105,11 @@ def _kept(solver: Solver, kind: str, law: str, effort: Effort) -> str:
 
 
 def _limit(solver: Solver, kind: str) -> dict[str, float]:
-    """λ in E[y1 − y0] = h(a + λs), and the remainder relative to |s|, for the drift a given and s = ½Σ F_j′F_j.
+    """λ in E[y1 − y0] = h(a + λs), and the remainder relative to |s|,
+    for the drift a given and s = ½Σ F_j′F_j.
 
-    λ is 0 for a solver that takes a as the drift of an Itô equation, and 1 for a solver of Stratonovich equations.
+    λ is 0 for a solver that takes a as the drift of an Itô equation, and 1 for a solver of
+    Stratonovich equations.
     """
     problem, scheme = problem_of(kind), solver.scheme(kind)
     h, states = LIMIT_STEP, local_states(scheme, problem)
@@ -140,13 +147,17 @@ def limit_of(found: dict[str, float]) -> str:
 
 @lru_cache(maxsize=8)
 def _reference(kind: str, seed: int, paths: int) -> tuple[RoughPath, Array, float]:
-    """The path with areas that solver and reference share, y(T), and the rms of the reference's own error."""
+    """The path with areas that solver and reference share, y(T),
+    and the rms of the reference's own error.
+    """
     problem = problem_of(kind)
     return refined(problem, np.array(problem.initial), T, STEPS[-1], range(paths), seed, order=1.0)
 
 
 def _over_paths(solver: Solver, kind: str, seed: int) -> dict[str, Any]:
-    """The order of paths as (estimate, low, high), rms errors, and the number of paths that failed at any step size."""
+    """The order of paths as (estimate, low, high), rms errors,
+    and the number of paths that failed at any step size.
+    """
     scheme, problem = solver.scheme(kind), problem_of(kind)
     count = PATHS if solver.batched else SINGLE
     rough, exact, doubt = _reference(kind, seed, count)

@@ -1,6 +1,8 @@
-"""The table of other libraries' solvers by kind of noise: ``python -m benchmarks.peers.solvers --out docs/solvers.md``.
+"""The table of other libraries' solvers by kind of noise:
+``python -m benchmarks.peers.solvers --out docs/solvers.md``.
 
-A row is for a solver and a column for a kind of noise. A cell has the measured orders beside the documented ones.
+A row is for a solver and a column for a kind of noise. A cell has the measured orders beside the
+documented ones.
 """
 
 from __future__ import annotations
@@ -27,14 +29,17 @@ from sepv.law import Effort, Verdict
 COMMAND = "python -m benchmarks.peers.solvers"
 # Half-way to the next lower order, as in the laws about orders.
 MARGIN = 0.25
-# Words of a shortcoming in the order of one step, which the table shows beside the documented order.
+# Words of a shortcoming in the order of one step, which the table shows beside the documented
+# order.
 IN_THE_TABLE = "of one step"
 WORDS = {Verdict.HOLDS.value: "kept", Verdict.VIOLATED.value: "no", Verdict.NOT_APPLICABLE.value: "–"}
 
 
 @dataclass(frozen=True)
 class Line:
-    """A solver with one kind of noise: the texts of its cells, and where it falls short of the documentation."""
+    """A solver with one kind of noise: the texts of its cells,
+    and where it falls short of the documentation.
+    """
 
     cells: tuple[str, ...]
     short: tuple[str, ...]
@@ -48,7 +53,8 @@ def line(solver: Solver, kind: str, found: Mapping[tuple[str, str], Any]) -> Lin
     strong, weak = solver.documented[kind]
     found_strong, found_weak = orders(solver, kind, local)
     documented, converges = "Itô" if solver.ito else "Stratonovich", limit_of(limit)
-    # A solver with a state of its own is judged by its paths, because its single step is another method.
+    # A solver with a state of its own is judged by its paths, because its single step is another
+    # method.
     short = [] if solver.path else [
         f"{word} order {_number(order)} {IN_THE_TABLE} (documented: {claim:g})"
         for word, order, claim in (("strong", found_strong, strong), ("weak", found_weak, weak))
@@ -137,7 +143,9 @@ def document(found: Mapping[str, Sequence[Line]], deviations: Sequence[Deviation
 
 
 def table(library: str, own: Sequence[Line]) -> str:
-    """The table of orders in Markdown: a row for solvers with the same orders, a column for each kind of noise."""
+    """The table of orders in Markdown: a row for solvers with the same orders,
+    a column for each kind of noise.
+    """
     rows: dict[str, dict[str, str]] = {}
     for each in own:
         name, kind, strong, step, paths, weak, weak_step, limit, *_ = each.cells
@@ -178,7 +186,9 @@ def beside(measured: str, documented: str) -> str:
 
 
 def _kept(lines: Sequence[Line]) -> str:
-    """The solvers that keep Casimirs or are Poisson maps, and those that were not judged, as text."""
+    """The solvers that keep Casimirs or are Poisson maps, and those that were not judged, as
+    text.
+    """
     kept = [
         f"{each.cells[0]}, {each.cells[1]}: {', '.join(each.cells[-2:])}"
         for each in lines
@@ -222,7 +232,9 @@ Itô's or to Stratonovich's solution. Solvers of Itô equations got Itô's form.
 @click.command()
 @page_options(LIBRARIES)
 def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: int) -> None:
-    """Measure the orders of other libraries' solvers by kind of noise, and write the table as Markdown."""
+    """Measure the orders of other libraries' solvers by kind of noise,
+    and write the table as Markdown.
+    """
     with measuring(keep) as bar:
         found = lines(libraries or LIBRARIES, Effort(seed=seed, shrink_checks=50), keep, bar)
         bar.update("the scripts that show deviations", 1.0)

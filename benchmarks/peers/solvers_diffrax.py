@@ -1,4 +1,6 @@
-"""diffrax's solvers for general noise, with the space-time Lévy areas that some need. Needs the extra ``peers``."""
+"""diffrax's solvers for general noise, with the space-time Lévy areas that some need.
+Needs the extra ``peers``.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ SOURCE = 'diffrax, "SDE solver table" (docs.kidger.site/diffrax/devdocs/SDE_solv
 
 
 def _terms(fields: PosedFields, constant: bool, numbers: Any, dW: Any, H: Any) -> Any:
-    """Drift and noise fields (d, m). If `constant`, the noise fields do not use y, so that JAX finds them constant."""
+    """Drift and noise fields (d, m). If `constant`, the noise fields do not use y,
+    so that JAX finds them constant.
+    """
 
     def drift(_t: Any, y: Any, _args: Any) -> Any:
         return fields.drift(jnp, numbers, y)
@@ -35,7 +39,9 @@ def _terms(fields: PosedFields, constant: bool, numbers: Any, dW: Any, H: Any) -
 def _advance(
     solver: Any, fields: PosedFields, constant: bool, numbers: Any, h: Any, y: Any, rows: Any, state: Any
 ) -> Any:
-    """The next y and the solver's state, from rows of ΔW and H. If `state` is None, the solver starts."""
+    """The next y and the solver's state, from rows of ΔW and H. If `state` is None,
+    the solver starts.
+    """
     dW, H = rows[: fields.noises], rows[fields.noises :]
     terms, t0 = _terms(fields, constant, numbers, dW, H), jnp.zeros_like(h)
     if state is None:

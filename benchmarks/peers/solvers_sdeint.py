@@ -1,6 +1,8 @@
-"""sdeint's integrators for general noise, with the repeated integrals that some need. Needs the extra ``sdeint``.
+"""sdeint's integrators for general noise, with the repeated integrals that some need.
+Needs the extra ``sdeint``.
 
-The integrals are J_ij = ∫W_i ∘dW_j = ½ΔW_iΔW_j + A_ij with the step's Lévy areas A_ij, and Itô's I_ij = J_ij − ½h δ_ij.
+The integrals are J_ij = ∫W_i ∘dW_j = ½ΔW_iΔW_j + A_ij with the step's Lévy areas A_ij, and Itô's
+I_ij = J_ij − ½h δ_ij.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ _INTEGRALS = {"itoSRI2": "I", "stratSRS2": "J", "stratKP2iS": "J"}
 def _integrate(
     integrator: Callable[..., Any], ito: bool, problem: Problem, y: Array, h: float, rows: Array
 ) -> Array:
-    """States (N + 1, d) of one path from y (d,), for rows (N, m + k) of increments and areas A_ij, i < j."""
+    """States (N + 1, d) of one path from y (d,), for rows (N, m + k) of increments and areas A_ij,
+    i < j.
+    """
     fields, numbers = pose_fields(problem, ito=ito)
     m = problem.noises
     dW = np.ascontiguousarray(rows[:, :m])

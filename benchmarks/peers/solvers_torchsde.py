@@ -1,7 +1,8 @@
 """torchsde's solvers for general noise, with the areas that some need. Needs the extra ``peers``.
 
-The kinds of noise correspond to torchsde's noise types: "one" to scalar, "additive" to additive, all others to general,
-also noises that commute. No problem has the diagonal type, because a Hamiltonian field B∇H_j moves several components.
+The kinds of noise correspond to torchsde's noise types: "one" to scalar, "additive" to additive,
+all others to general, also noises that commute. No problem has the diagonal type, because a
+Hamiltonian field B∇H_j moves several components.
 """
 
 from __future__ import annotations
@@ -41,7 +42,9 @@ class _System(torch.nn.Module):
 
 
 class _WithAreas(Given):
-    """Given increments (N, L, m) over N steps of length h, with space-time areas (N, L, m) or areas (N, L, m, m)."""
+    """Given increments (N, L, m) over N steps of length h, with space-time areas (N, L, m)
+    or areas (N, L, m, m).
+    """
 
     def __init__(self, increments: Any, h: float, spacetime: Any, areas: Any) -> None:
         super().__init__(increments, h)
@@ -69,7 +72,9 @@ def _integrate(
     h: float,
     rows: Array,
 ) -> Array:
-    """States (N + 1, d, L) by torchsde.sdeint from y (d, L), with the rows (N, m + k, L) of increments and areas."""
+    """States (N + 1, d, L) by torchsde.sdeint from y (d, L), with the rows (N, m + k, L)
+    of increments and areas.
+    """
     m = problem.noises
     dW, further = rows[:, :m], rows[:, m:]
 
@@ -118,7 +123,9 @@ def _path_by(method: str, kind: str) -> Path:
 
 
 def _orders(strong: tuple[float | None, float, float], weak: float) -> dict[str, tuple[float | None, float]]:
-    """Orders by kind of noise, from strong orders for general, scalar and additive noise; None if a type is refused."""
+    """Orders by kind of noise, from strong orders for general, scalar and additive noise;
+    None if a type is refused.
+    """
     general, scalar, additive = strong
     by_kind = {"general": general, "commutative": general, "one": scalar, "additive": additive}
     return {kind: (p, weak) for kind, p in by_kind.items() if p is not None}

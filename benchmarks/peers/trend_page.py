@@ -1,4 +1,6 @@
-"""The site's page about versions, in Markdown. It is made from the records alone, so that it can be made again."""
+"""The site's page about versions, in Markdown. It is made from the records alone,
+so that it can be made again.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,8 @@ from benchmarks.peers.records import Record
 from sepv.console import markdown
 from sepv.law import Verdict
 
-# Half of ½, the lowest order of a consistent scheme: an error that falls with a larger slope has the limit 0.
+# Half of ½, the lowest order of a consistent scheme: an error that falls with a larger slope has
+# the limit 0.
 LEAST_SLOPE = 0.25
 
 INTRODUCTION = """\
@@ -81,14 +84,18 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
 
 
 def _falls_slowly(entry: dict[str, Any]) -> bool:
-    """True if *right-limit* may be violated only because *mean-square-order* found an order that is too low."""
+    """True if *right-limit* may be violated only because *mean-square-order* found an order that is
+    too low.
+    """
     limit, order = (entry["laws"].get(law) for law in ("right-limit", "mean-square-order"))
     both = limit and order and limit["verdict"] == order["verdict"] == Verdict.VIOLATED.value
     return bool(both and order["defect"] is not None and order["defect"] > LEAST_SLOPE)
 
 
 def _few(besides: Sequence[str]) -> str:
-    """The changes of the suite, Python and the numerical packages as text, and the number of other changes."""
+    """The changes of the suite, Python and the numerical packages as text,
+    and the number of other changes.
+    """
     first = ("suite", "python", "machine", "jax", "torch", "numpy", "scipy")
     named = [b for b in besides if b.split()[0] in first]
     rest = len(besides) - len(named)

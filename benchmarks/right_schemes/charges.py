@@ -1,4 +1,5 @@
-"""Maps for charges in a magnetic field b(x), which keep volume and are not symplectic: y = (x, v), H = ½|v|² + φ(x).
+"""Maps for charges in a magnetic field b(x), which keep volume and are not symplectic: y = (x, v),
+H = ½|v|² + φ(x).
 
 B(y) = ((0, I), (−I, W(x))),    Wv = v × b
 """
@@ -13,7 +14,9 @@ from sepv.schemes import Scheme
 
 
 def _field() -> PolynomialSystem:
-    """The system with b = (x_2/2, −x_3/4, 1 + x_1²/2), whose divergence is 0, and φ = ½|x|² + x_1x_2x_3/4."""
+    """The system with b = (x_2/2, −x_3/4, 1 + x_1²/2), whose divergence is 0,
+    and φ = ½|x|² + x_1x_2x_3/4.
+    """
     d, one = 6, poly.constant(6, 1.0)
     b = (
         poly.scale(0.5, poly.variable(d, 1)),
@@ -27,7 +30,9 @@ def _field() -> PolynomialSystem:
 
 
 def _boris(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """The step of J. P. Boris (1970): drift, half a kick, rotation by Cayley's transform, half a kick, drift."""
+    """The step of J. P. Boris (1970): drift, half a kick, rotation by Cayley's transform,
+    half a kick, drift.
+    """
     delta = problem.random_step(h, dW)
     x = y[:3] + 0.5 * delta * y[3:]
     middle = np.concatenate([x, 0 * x])

@@ -1,4 +1,5 @@
-"""Right schemes for Langevin dynamics that look unusual: ABOBA by velocities, and the exact Gaussian step.
+"""Right schemes for Langevin dynamics that look unusual: ABOBA by velocities,
+and the exact Gaussian step.
 
 The exact step for a quadratic V needs the flow e^{Kt} of the drift Ky, and a noise of covariance
 C = ∫₀ʰ e^{Ks}GGᵀe^{Kᵀs}ds. Both are blocks of one matrix exponential
@@ -27,8 +28,8 @@ from sepv.problem import (
 from sepv.schemes import Scheme, by_name
 from sepv.schemes._langevin import CLAIMS
 
-# Halvings of the matrix of an exponential, and the terms of its series: for a norm up to 4 the first term that is
-# left out is below 1e-26.
+# Halvings of the matrix of an exponential, and the terms of its series: for a norm up to 4 the
+# first term that is left out is below 1e-26.
 HALVINGS, TERMS = 4, 18
 
 
@@ -44,7 +45,9 @@ def exponential(A: Array) -> Array:
 
 
 def gaussian(problem: Problem, y: Array, h: float, dW: Array, bridge: Array) -> Array:
-    """The exact distribution of y(h) for a quadratic V, by the 2m normal numbers ΔW and H; Skipped for another V."""
+    """The exact distribution of y(h) for a quadratic V, by the 2m normal numbers ΔW and H;
+    Skipped for another V.
+    """
     if h <= 0:
         raise Skipped("the noise of a step back has no covariance")
     states = [hessian(problem, state) for state in sample_states(problem)]

@@ -1,4 +1,6 @@
-"""Schemes that compute their step in single precision, with the claims of binary64 that they can keep."""
+"""Schemes that compute their step in single precision,
+with the claims of binary64 that they can keep.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,9 @@ def _step(average: bool) -> Any:
 
 
 def _kicked(problem: Problem, y: Any, h: float, dW: Any) -> Any:
-    """Kick, drift, kick for H = T(p) + V(q), y = (p, q), of a state or a batch, in the precision of the arguments."""
+    """Kick, drift, kick for H = T(p) + V(q), y = (p, q), of a state or a batch,
+    in the precision of the arguments.
+    """
     n, delta = problem.dimension // 2, problem.random_step(h, dW).astype(dW.dtype)
     p = y[:n] - np.float32(0.5) * delta * np.float32(problem.gradient(y)[n:])
     q = y[n:] + delta * np.float32(problem.gradient(np.concatenate([p, y[n:]]))[:n])

@@ -1,6 +1,8 @@
-"""Methods whose energy stays near H(y_0) over long times for other reasons than that of usual symplectic methods.
+"""Methods whose energy stays near H(y_0) over long times for other reasons than that of usual
+symplectic methods.
 
-Reversible methods need not be symplectic, processed methods need not be symmetric, and high orders reach rounding.
+Reversible methods need not be symplectic, processed methods need not be symmetric, and high orders
+reach rounding.
 """
 
 from __future__ import annotations
@@ -18,12 +20,15 @@ from sepv.schemes._leapfrog import KicksAndDrifts, composed
 from sepv.schemes._one_step import Explicit
 from sepv.schemes._scheme import Step
 
-# The most sweeps of a fixed-point iteration, and the size of corrections relative to |y| at which it may end.
+# The most sweeps of a fixed-point iteration, and the size of corrections relative to |y| at which
+# it may end.
 _SWEEPS, _NOISE = 200, 16 * EPS
 
 
 def _runge_kutta(A: Sequence[Sequence[float]], b: Sequence[float]) -> Step:
-    """An implicit Runge-Kutta method for problems without noise, by fixed-point iteration to stagnation."""
+    """An implicit Runge-Kutta method for problems without noise,
+    by fixed-point iteration to stagnation.
+    """
 
     def step(problem: Problem, y: Array, h: float, _dW: Array) -> Array:
         y0 = y.reshape(len(y), -1)
@@ -41,7 +46,9 @@ def _runge_kutta(A: Sequence[Sequence[float]], b: Sequence[float]) -> Step:
 
 
 def _processed(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """The step π⁻¹, a leapfrog, π, where π = id + O(h³) is drift-kick-drift by h/3 after kick-drift-kick by −h/3."""
+    """The step π⁻¹, a leapfrog, π, where π = id + O(h³)
+    is drift-kick-drift by h/3 after kick-drift-kick by −h/3.
+    """
     third = h / 3
     y = leapfrog.step(problem, _other.step(problem, y, -third, dW), third, dW)
     y = leapfrog.step(problem, y, h, dW)
@@ -49,9 +56,11 @@ def _processed(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def _projected(problem: Problem, y: Array, h: float, _dW: Array) -> Array:
-    """Symmetric projection of the trapezoidal rule: ỹ = y + λ∇H(y), ỹ1 = Φ(ỹ), y1 = ỹ1 + λ∇H(y1), H(y1) = H(y).
+    """Symmetric projection of the trapezoidal rule: ỹ = y + λ∇H(y), ỹ1 = Φ(ỹ), y1 = ỹ1 + λ∇H(y1),
+    H(y1) = H(y).
 
-    E. Hairer, BIT 40 (2000). The secant method from Newton's first step gives λ, and fixed-point iteration gives y1.
+    E. Hairer, BIT 40 (2000). The secant method from Newton's first step gives λ, and fixed-point
+    iteration gives y1.
     """
     shape, y = y.shape, y.reshape(len(y), -1)
     g, H = problem.gradient(y), problem.hamiltonian(y)
@@ -85,7 +94,8 @@ def _method(name: str, step: Any, order: float, source: str, *more: str, **facts
     return Scheme(name, step, claims, source, order=order, batched=True, noise=False, **facts)
 
 
-# The fractions of a step in the composition by H. Yoshida, Phys. Lett. A 150 (1990), solution A of order 6.
+# The fractions of a step in the composition by H. Yoshida, Phys. Lett. A 150 (1990), solution A of
+# order 6.
 _SIX = (0.784513610477560, 0.235573213359357, -1.17767998417887)
 _trapezoidal = _runge_kutta([[0, 0], [1 / 2, 1 / 2]], [1 / 2, 1 / 2])
 _other = Scheme("drift, kick, drift", Explicit(KicksAndDrifts((0.0, 1.0, 0.0), (0.5, 0.5))))

@@ -1,4 +1,6 @@
-"""Correct schemes other than (2.1), each with its own claims: compositions, the exact flow, other formulas."""
+"""Correct schemes other than (2.1), each with its own claims: compositions, the exact flow,
+other formulas.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ _TRIPLE = 1 / (2 - 2 ** (1 / 3))
 
 
 def _trapezoidal(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    """The increment ½h(f(y0) + f(y1)) + S f((y0 + y1)/2): exchanging y0, y1 and the signs of h, S changes nothing."""
+    """The increment ½h(f(y0) + f(y1)) + S f((y0 + y1)/2): exchanging y0, y1 and the signs of h,
+    S changes nothing.
+    """
     drift = 0.5 * (fields.field(y) + fields.field(y + z))
     return step[0] * drift + step[1] * fields.field(y + 0.5 * z)
 
@@ -88,13 +92,16 @@ def _composed(shares: Sequence[float]) -> Step:
     return step
 
 
-# The tolerance that the exact flow states, because its errors have one sign. On the pendulum, in 60 paths of 256 steps,
-# the mean energy defect of a step was −0.024 and −0.032 of the rounding of a step, 3 and 4 standard errors from zero.
+# The tolerance that the exact flow states, because its errors have one sign. On the pendulum, in 60
+# paths of 256 steps, the mean energy defect of a step was −0.024 and −0.032 of the rounding of a
+# step, 3 and 4 standard errors from zero.
 FLOW_TOLERANCE = EPS / 16
 
 
 def flow(problem: Problem, y0: Array, delta: Array) -> Array:
-    """The flow φ_Δ(y0), (d, M): order 8 in long floats with doubled substeps until two results agree, rounded once."""
+    """The flow φ_Δ(y0), (d, M): order 8 in long floats with doubled substeps until two results
+    agree, rounded once.
+    """
     start: Any = y0.astype(np.longdouble)
     wide: Any = delta.astype(np.longdouble)
     value, open_ = start.copy(), np.arange(y0.shape[1])
@@ -119,8 +126,9 @@ def flow(problem: Problem, y0: Array, delta: Array) -> Array:
 def _weak_two(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """φ_Δ(y0) + ½f(y0)(S³ − 3c²hS), S = Σ c_jΔW_j, c² = Σ c_j².
 
-    The added term has mean zero and a root mean square of h^{3/2}, so the mean-square order is 1. As a third Hermite
-    polynomial it also has E(S³ − 3c²hS)S = 0, so it changes moments by O(h³), and the weak order is 2.
+    The added term has mean zero and a root mean square of h^{3/2}, so the mean-square order is 1.
+    As a third Hermite polynomial it also has E(S³ − 3c²hS)S = 0, so it changes moments by O(h³),
+    and the weak order is 2.
     """
     y0, noise = as_lanes(problem, y, h, dW)
     S = problem.random_step(0.0, noise)
@@ -130,7 +138,9 @@ def _weak_two(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def _turned_about_axes(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Turn y about the axes 1, 2, 3, 2, 1 by the angular velocities ∂H/∂y_i: a splitting for the rigid body alone."""
+    """Turn y about the axes 1, 2, 3, 2, 1 by the angular velocities ∂H/∂y_i:
+    a splitting for the rigid body alone.
+    """
     delta = float(problem.random_step(h, dW))
     for axis, share in ((0, 0.5), (1, 0.5), (2, 1.0), (1, 0.5), (0, 0.5)):
         angle, turned = -share * delta * problem.gradient(y)[axis], y.copy()
@@ -142,9 +152,11 @@ def _turned_about_axes(problem: Problem, y: Array, h: float, dW: Array) -> Array
 
 
 def _turned_about_lines(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """A splitting for rigid bodies with any inertia tensor: K = I⁻¹ is a sum of w vvᵀ, and each part turns y about v.
+    """A splitting for rigid bodies with any inertia tensor: K = I⁻¹ is a sum of w vvᵀ,
+    and each part turns y about v.
 
-    The v are the axes e_i, with w = K_ii, and (e_i ± e_j)/√2, with w = ±K_ij, since y_i y_j = ½(v₊·y)² − ½(v₋·y)².
+    The v are the axes e_i, with w = K_ii, and (e_i ± e_j)/√2, with w = ±K_ij, since y_i
+    y_j = ½(v₊·y)² − ½(v₋·y)².
     """
     delta, axes = float(problem.random_step(h, dW)), np.eye(3)
     K = np.stack([problem.gradient(e) for e in axes], axis=1)
@@ -171,14 +183,17 @@ def _taylor(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 def _pushed_at_once(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Add all of the additive noise, then take a step of (2.1) without noise.
 
-    The step changes neither H nor C. Lie's composition has weak order 1, and for additive noise mean-square order 1.
+    The step changes neither H nor C. Lie's composition has weak order 1, and for additive noise
+    mean-square order 1.
     """
     y0, noise = as_lanes(problem, y, h, dW)
     return drift_preserving.step(problem, y0, h, noise, noise).reshape(np.shape(y))
 
 
 def _damped_in_the_middle(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """A symmetric composition: (2.1) for half of the step and its increments, all of the damping, and (2.1) again."""
+    """A symmetric composition: (2.1) for half of the step and its increments, all of the damping,
+    and (2.1) again.
+    """
     if not isinstance(problem, DampedProblem):
         raise Skipped("for damped systems")
     y0, noise = as_lanes(problem, y, h, dW)
@@ -188,7 +203,9 @@ def _damped_in_the_middle(problem: Problem, y: Array, h: float, dW: Array) -> Ar
 
 
 def _readme(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """The midpoint rule of the README, which refuses a step that it cannot solve with an ArithmeticError."""
+    """The midpoint rule of the README, which refuses a step that it cannot solve with an
+    ArithmeticError.
+    """
     delta = h + problem.c @ dW
     y1 = y.copy()
     for _ in range(200):
@@ -210,7 +227,9 @@ def _kept_force(problem: Problem, state: Any, h: float, dW: Array) -> Any:
 
 
 def _reversible_heun(problem: Problem, state: Any, h: float, dW: Array) -> Any:
-    """Reversible Heun: z1 = 2y − z + Δf(z), y1 = y + ½Δ(f(z) + f(z1)); z depends on the earlier states of the path."""
+    """Reversible Heun: z1 = 2y − z + Δf(z), y1 = y + ½Δ(f(z) + f(z1));
+    z depends on the earlier states of the path.
+    """
     y, z, f = state
     delta = problem.random_step(h, dW)
     z1 = 2 * y - z + delta * f
@@ -249,7 +268,8 @@ def _velocity_verlet(problem: Problem, y: Array, h: float, _dW: Array) -> Array:
 
 
 def _unit_masses(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Kick, drift, kick with q1 = q + Δp whatever the masses: symmetric and reversible, and of order 0 else.
+    """Kick, drift, kick with q1 = q + Δp whatever the masses: symmetric and reversible,
+    and of order 0 else.
 
     See hamiltonian-generative-networks, issue 88: its flow is that of H = ½|p|² + V(q).
     """

@@ -1,4 +1,6 @@
-"""Variants of scheme (2.1) with other solvers and summations than sepv's; each claims what sepv's (2.1) claims."""
+"""Variants of scheme (2.1) with other solvers and summations than sepv's;
+each claims what sepv's (2.1) claims.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,9 @@ def _nodes(problem: Problem) -> int:
 
 
 def _by_nodes(problem: Problem, y0: Array, y1: Array, nodes: int) -> Array:
-    """The averaged gradient ∫₀¹∇H dτ in the problem's closed form, else by Gauss nodes from the last to the first."""
+    """The averaged gradient ∫₀¹∇H dτ in the problem's closed form,
+    else by Gauss nodes from the last to the first.
+    """
     if problem.mean_gradient is not None:
         return problem.mean_gradient(y0, y1)
     total = np.zeros_like(y0)
@@ -55,7 +59,9 @@ def _right(problem: Problem, y0: Array, y1: Array, delta: Any) -> Array:
 
 
 def _swept(problem: Problem, y0: Array, delta: Array, right: _Right = _right) -> Array:
-    """The solution y0 + z by iterating z ← R(y0 + z) to stagnation, path by path, for y0 (d, M) and Δ (M,)."""
+    """The solution y0 + z by iterating z ← R(y0 + z) to stagnation, path by path, for y0 (d, M)
+    and Δ (M,).
+    """
     z, active = np.zeros_like(y0), np.arange(y0.shape[1])
     before = np.full(y0.shape[1], np.inf)
     with np.errstate(all="ignore"):
@@ -94,7 +100,9 @@ def _of_one(update: Callable[[Problem, Array, float], Any]) -> Step:
 
 
 def _extended(problem: Problem, y0: Array, delta: Array) -> Array:
-    """(2.1) in the platform's longest float, rounded once: nearly always the binary64 number next to the solution."""
+    """(2.1) in the platform's longest float, rounded once:
+    nearly always the binary64 number next to the solution.
+    """
     wide = _swept(problem, y0.astype(np.longdouble), delta.astype(np.longdouble))
     return wide.astype(np.float64)
 
@@ -127,7 +135,9 @@ def _loop(problem: Problem, y: Array, delta: float) -> Array:
 
 
 def _to_an_ulp(problem: Problem, y: Array, delta: float) -> Array:
-    """(2.1) by sweeps until the correction is rounding of the largest component, however small the others are."""
+    """(2.1) by sweeps until the correction is rounding of the largest component,
+    however small the others are.
+    """
     y1, last = y, math.inf
     for _ in range(_SWEEPS):
         y1, before, old = y + _right(problem, y, y1, delta), last, y1
@@ -172,7 +182,9 @@ def _lists(problem: Problem, y: Array, delta: float) -> list[float]:
 
 
 def _root(problem: Problem, y: Array, delta: float) -> Array:
-    """(2.1) by Powell's hybrid method; its residual is compared with the tolerance that the scheme states."""
+    """(2.1) by Powell's hybrid method; its residual is compared with the tolerance that the scheme
+    states.
+    """
     from scipy.optimize import root
 
     found = root(lambda z: z - _right(problem, y, y + z, delta), np.zeros_like(y), method="hybr", tol=1e-13)
@@ -186,7 +198,9 @@ ROOT_TOLERANCE = 1e-12
 
 
 def _line_search(problem: Problem, y: Array, delta: float) -> Array:
-    """(2.1) by Newton's method with a Jacobian of differences and halved steps; LinAlgError for a singular Jacobian."""
+    """(2.1) by Newton's method with a Jacobian of differences and halved steps;
+    LinAlgError for a singular Jacobian.
+    """
     d, z = len(y), np.zeros_like(y)
 
     def F(z: Array) -> Array:
@@ -235,7 +249,9 @@ def _clenshaw_curtis(problem: Problem, y0: Array, y1: Array, step: Array) -> Arr
 
 
 def _chebyshev(n: int) -> tuple[Array, Array]:
-    """Nodes and weights of Clenshaw and Curtis on [0, 1], n even: Σ_k of 2/(1 − 4k²) cos 2kθ, halved at both ends."""
+    """Nodes and weights of Clenshaw and Curtis on [0, 1], n even: Σ_k of 2/(1 − 4k²) cos 2kθ,
+    halved at both ends.
+    """
     theta = np.pi * np.arange(n + 1) / n
     k = np.arange(1, n // 2 + 1)
     factor = np.where(k == n // 2, 1.0, 2.0)
@@ -245,7 +261,9 @@ def _chebyshev(n: int) -> tuple[Array, Array]:
 
 
 def _twenty(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    """(2.1) with 20 Gauss nodes as NumPy has them, whose last weights are off by a few tens of eps."""
+    """(2.1) with 20 Gauss nodes as NumPy has them, whose last weights are off by a few tens of
+    eps.
+    """
     if problem.mean_gradient is not None:
         average = problem.mean_gradient(y0, y1)
     else:
@@ -258,7 +276,9 @@ def _twenty(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
 
 
 def _solved(R: Callable[[Problem, Array, Array, Array], Array]) -> Implicit:
-    """A step by the core's solver and Newton matrix for a right side R that has its own quadrature."""
+    """A step by the core's solver and Newton matrix for a right side R that has its own
+    quadrature.
+    """
 
     def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
         once = np.ones(y0.shape[1], dtype=np.int64)
@@ -278,7 +298,9 @@ def _digits(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def like_the_core(name: str, step: Step, source: str, batched: bool = True, **changes: Any) -> Scheme:
-    """A scheme with this step and all claims of (2.1), but without *reproducibility* if it takes no batches."""
+    """A scheme with this step and all claims of (2.1),
+    but without *reproducibility* if it takes no batches.
+    """
     claims = CLAIMED if batched else CLAIMED - {"reproducibility"}
     changed = {"claims": claims, **changes}
     return replace(

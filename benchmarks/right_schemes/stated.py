@@ -1,4 +1,6 @@
-"""Right schemes for problems that state functions: sums of momenta, spins in the mean, and damped tops."""
+"""Right schemes for problems that state functions: sums of momenta, spins in the mean,
+and damped tops.
+"""
 
 from __future__ import annotations
 

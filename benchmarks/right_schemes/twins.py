@@ -1,6 +1,8 @@
-"""Right ports: two programs of one method that differ in loops, order of summation, solver, precision or memory.
+"""Right ports: two programs of one method that differ in loops, order of summation, solver,
+precision or memory.
 
-The law *agreement* must hold for each pair. `ports` has the pairs; tests/verification/test_agreement.py measures them.
+The law *agreement* must hold for each pair. `ports` has the pairs;
+tests/verification/test_agreement.py measures them.
 """
 
 from __future__ import annotations

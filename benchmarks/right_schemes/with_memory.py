@@ -1,7 +1,9 @@
-"""Right methods that carry a state along a path: several steps, momenta at half steps, roundings, stored forces.
+"""Right methods that carry a state along a path: several steps, momenta at half steps, roundings,
+stored forces.
 
-Orders are those of the error at a fixed time. The first step of a two-step method that Euler's rule starts has a lower
-order (Hairer, Nørsett and Wanner, *Solving Ordinary Differential Equations I*, III.1 and III.9).
+Orders are those of the error at a fixed time. The first step of a two-step method that Euler's rule
+starts has a lower order (Hairer, Nørsett and Wanner, *Solving Ordinary Differential Equations I*,
+III.1 and III.9).
 """
 
 from __future__ import annotations
@@ -76,7 +78,9 @@ def _leap(problem: Problem, state: Any, h: float, _dW: Array) -> Any:
 
 
 def _compensated(problem: Problem, state: Any, h: float, dW: Array) -> Any:
-    """(2.1) with Kahan's compensated summation: the rounding of each sum is added to the next increment."""
+    """(2.1) with Kahan's compensated summation: the rounding of each sum is added to the next
+    increment.
+    """
     y, lost = state
     assert energy_preserving.solve is not None
     lanes, noise = as_lanes(problem, y, h, dW)

@@ -1,7 +1,9 @@
-"""Make the reference vectors, or check them: ``python -m benchmarks.vectors [--check [--all]] [SCHEME …]``.
+"""Make the reference vectors, or check them: ``python -m benchmarks.vectors [--check [--all]]
+[SCHEME …]``.
 
-The files under reference/vectors are made by this program and by nothing else. Each answer is computed by mpmath
-and proved by ball arithmetic (the extra `certify`) before it is written; a file is written whole or not at all.
+The files under reference/vectors are made by this program and by nothing else. Each answer is
+computed by mpmath and proved by ball arithmetic (the extra `certify`) before it is written; a file
+is written whole or not at all.
 """
 
 from __future__ import annotations
@@ -32,9 +34,11 @@ from benchmarks.vectors.selection import SCHEMES, Candidate, candidates
 from sepv.errors import SepvError
 from sepv.files import write_atomically
 
-# The number of digits computed beyond those printed; a proof by balls may leave three of them undecided.
+# The number of digits computed beyond those printed; a proof by balls may leave three of them
+# undecided.
 _EXTRA = 10
-# If a component is much smaller than the largest, _MANY digits are computed; below 1e-390 of the largest it is 0.
+# If a component is much smaller than the largest, _MANY digits are computed; below 1e-390 of the
+# largest it is 0.
 _FEW, _MANY = DIGITS + _EXTRA, 460
 _ZERO = 390
 
@@ -51,7 +55,8 @@ def to_text(scheme: str, source: str, vectors: Iterable[ReferenceVector]) -> str
 
 
 def answer(candidate: Candidate, name: str) -> ReferenceVector:
-    """Compute the reference vector of a candidate, prove it if python-flint is installed, and round it.
+    """Compute the reference vector of a candidate, prove it if python-flint is installed,
+    and round it.
 
     Raises
     ------
@@ -84,7 +89,9 @@ def _step_answer(candidate: Candidate, name: str) -> ReferenceVector:
 
 
 def _on_the_branch(equation: Equation, candidate: Candidate) -> tuple[Vector | None, tuple[str, ...]]:
-    """The start of Newton's iteration on the branch of solutions from y, and the flags, perhaps with "overflow"."""
+    """The start of Newton's iteration on the branch of solutions from y, and the flags,
+    perhaps with "overflow".
+    """
     flags = candidate.flags
     if equation.residual is None:
         return None, flags if _fits_binary64(equation, candidate) else (*flags, "overflow")
@@ -119,7 +126,9 @@ def _without_noise(y1: Vector) -> Vector:
 
 
 def _proved(candidate: Candidate, step: ReferenceStep, y1: Vector, digits: int) -> str:
-    """Prove the step by Krawczyk's test, with balls that determine each printed digit; return the kind of proof."""
+    """Prove the step by Krawczyk's test, with balls that determine each printed digit;
+    return the kind of proof.
+    """
     bits = max(500, int(7 * digits))
     proof = certify(candidate.problem, candidate.y, candidate.h, candidate.dW, step, bits)
     with precision(bits):
@@ -158,13 +167,17 @@ def _rounded(value: Fraction) -> float:
 
 
 def to_binary64(value: Any) -> float:
-    """Round an mpmath number to the nearest binary64 number, ties to even, subnormal numbers included."""
+    """Round an mpmath number to the nearest binary64 number, ties to even,
+    subnormal numbers included.
+    """
     sign, man, exp, _ = value._mpf_
     return _rounded(Fraction(-int(man) if sign else int(man)) * Fraction(2) ** int(exp))
 
 
 def _flow_answer(candidate: Candidate, name: str) -> ReferenceVector:
-    """Compute the vector of an exact flow by Taylor series; prove it by an enclosure if python-flint is installed."""
+    """Compute the vector of an exact flow by Taylor series;
+    prove it by an enclosure if python-flint is installed.
+    """
     arguments = (candidate.problem, candidate.y, candidate.h)
     digits = _FEW
     y1 = taylor(*arguments, digits)
@@ -246,7 +259,9 @@ def differences(new: ReferenceVector, old: ReferenceVector) -> list[str]:
 
 
 def check(schemes: Sequence[str], every: int, folder: Path = FOLDER) -> tuple[int, list[str]]:
-    """Compute each `every`-th case of each file again, from the first on. Return their number and the differences."""
+    """Compute each `every`-th case of each file again, from the first on.
+    Return their number and the differences.
+    """
     count, wrong = 0, []
     for scheme in schemes:
         stored = {v.id: v for v in load(scheme, folder)}

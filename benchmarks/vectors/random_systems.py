@@ -1,4 +1,5 @@
-"""Random polynomial systems for the reference vectors; they are the same in every run and on every machine.
+"""Random polynomial systems for the reference vectors;
+they are the same in every run and on every machine.
 
 Only `random()` of Python's Mersenne twister is used, because Python promises to keep its stream.
 """
@@ -38,12 +39,16 @@ class Generator:
         return tuple(exponents)
 
     def polynomial(self, d: int, degree: int, terms: int) -> Polynomial:
-        """A random polynomial with one term of this degree and further terms of any degree up to it."""
+        """A random polynomial with one term of this degree and further terms of any degree up to
+        it.
+        """
         degrees = [degree, *(self.below(degree + 1) for _ in range(terms - 1))]
         return poly.polynomial(d, [(self.monomial(d, k), self.coefficient()) for k in degrees])
 
     def hamiltonian(self, d: int, degree: int) -> Polynomial:
-        """A random H with 3 to 5 terms, to which ½|y|² is added with probability ½ if the degree is 2 or more."""
+        """A random H with 3 to 5 terms, to which ½|y|² is added with probability ½ if the degree is
+        2 or more.
+        """
         found = self.polynomial(d, degree, 3 + self.below(3))
         if degree >= 2 and self.below(2):
             squares = [(tuple(2 * int(i == k) for i in range(d)), 0.5) for k in range(d)]
@@ -51,7 +56,9 @@ class Generator:
         return found
 
     def system(self, d: int, degree: int, structure_degree: int, noises: int) -> PolynomialSystem:
-        """A system whose B has up to d + 2 entries above the diagonal; y_d is a Casimir if d ≥ 4 and m is even."""
+        """A system whose B has up to d + 2 entries above the diagonal;
+        y_d is a Casimir if d ≥ 4 and m is even.
+        """
         moving = d - 1 if d >= 4 and noises % 2 == 0 else d
         pairs = list(combinations(range(moving), 2))
         chosen = sorted({pairs[self.below(len(pairs))] for _ in range(d + 2)}) if pairs else []

@@ -1,9 +1,9 @@
 """Running error analysis: a bound of the rounding error of a formula in plain binary64.
 
-A number carries a bound of its rounding error in units of u = 2⁻⁵³. The bound of a ∘ b is the sum of the
-propagated bounds of a and b and of |a ∘ b| for the rounding of the operation itself (Higham, *Accuracy and
-Stability of Numerical Algorithms*, §3.3). Second-order terms are left out. Values are mpmath numbers, so
-that they do not overflow.
+A number carries a bound of its rounding error in units of u = 2⁻⁵³. The bound of a ∘ b is the sum
+of the propagated bounds of a and b and of |a ∘ b| for the rounding of the operation itself (Higham,
+*Accuracy and Stability of Numerical Algorithms*, §3.3). Second-order terms are left out. Values are
+mpmath numbers, so that they do not overflow.
 """
 
 from __future__ import annotations
@@ -80,7 +80,9 @@ class Rounded:
 
 
 class Dual:
-    """A dual number value + ε slope with ε² = 0; value and slope may be any numbers that add, multiply and divide."""
+    """A dual number value + ε slope with ε² = 0; value and slope may be any numbers that add,
+    multiply and divide.
+    """
 
     __slots__ = ("slope", "value")
 
@@ -124,12 +126,16 @@ def _lift(x: Any) -> Rounded:
 
 
 def _own(value: Any) -> Any:
-    """A bound of the rounding error that one operation adds to its result, underflow included, in units of u."""
+    """A bound of the rounding error that one operation adds to its result, underflow included,
+    in units of u.
+    """
     return abs(value) + UNDERFLOW / UNIT if value else _CTX.zero
 
 
 def _function(f: Function, slope: Callable[[Number], Number]) -> Function:
-    """The function f on numbers with error bounds; f is assumed to be right within one unit in the last place, 2u."""
+    """The function f on numbers with error bounds; f is assumed to be right within one unit in the
+    last place, 2u.
+    """
 
     def of(x: Any) -> Any:
         if isinstance(x, Dual):
@@ -155,10 +161,12 @@ ROUNDED = Arithmetic(
 
 
 def error_units(data: Description, y: Vector, h: float, dW: Vector, step: ReferenceStep) -> list[float]:
-    """Bounds of the rounding error of binary64 in each component of y1, for a step solved to rounding.
+    """Bounds of the rounding error of binary64 in each component of y1,
+    for a step solved to rounding.
 
-    The bound is u(|∂y1/∂residual| r + |y1|), where r is the running error bound of one evaluation of the residual at
-    the solution, or of the explicit formula. Another order of operations gives another r of about the same size.
+    The bound is u(|∂y1/∂residual| r + |y1|), where r is the running error bound of one evaluation
+    of the residual at the solution, or of the explicit formula. Another order of operations gives
+    another r of about the same size.
     """
     problem = in_arithmetic(data, ROUNDED)
     equation = step.equation

@@ -1,4 +1,5 @@
-"""The choice of cases for the reference vectors: the paper's problems, extremes, folds, separatrices, random systems.
+"""The choice of cases for the reference vectors: the paper's problems, extremes, folds,
+separatrices, random systems.
 
 All cases are the same in each run, also the random systems.
 """
@@ -64,7 +65,9 @@ def noise_of(problem: Description) -> tuple[float, ...]:
 
 
 def split(problem: Description, delta: float, share: float = 0.25) -> tuple[float, tuple[float, ...]]:
-    """Split Δ into h = share·|Δ| and equal noise terms c_jΔW_j for the rest; without noise h = Δ."""
+    """Split Δ into h = share·|Δ| and equal noise terms c_jΔW_j for the rest; without noise h
+    = Δ.
+    """
     c = [v for v in noise_of(problem) if v]
     if not c:
         return delta, (0.0,) * len(noise_of(problem))
@@ -108,7 +111,9 @@ def _long() -> Iterator[_Draft]:
 
 
 def _folds(scheme: str) -> Iterator[_Draft]:
-    """Steps shorter by a fraction 2^−k than the fold of the solutions' branch from y0. Conditions grow like 2^(k/2)."""
+    """Steps shorter by a fraction 2^−k than the fold of the solutions' branch from y0.
+    Conditions grow like 2^(k/2).
+    """
     cubic = PolynomialSystem(
         2,
         poly.polynomial(2, [((2, 0), 0.5), ((0, 3), 1.0)]),
@@ -250,7 +255,9 @@ _SHARES = (0.4, -0.2, 0.05, -0.4, 0.01, 0.2)
 
 
 def _random(scheme: str, every: int, phase: int) -> Iterator[_Draft]:
-    """Cases of each `every`-th of 84 random systems; other systems are not drawn, because finding steps takes time."""
+    """Cases of each `every`-th of 84 random systems; other systems are not drawn,
+    because finding steps takes time.
+    """
     for n in range(phase % every, 84, every):
         if n < 72:
             d, k = 1 + n // 6, n % 6
@@ -277,7 +284,9 @@ def _within(
     note: str,
     flags: tuple[str, ...],
 ) -> _Draft:
-    """A step with |Δ| = |share|/‖f′(y)‖, halved until the branch of solutions from y covers the whole step."""
+    """A step with |Δ| = |share|/‖f′(y)‖, halved until the branch of solutions from y covers the
+    whole step.
+    """
     delta = share / (lipschitz(system, y) or 1.0)
     for _ in range(40):
         h, dW = split(system, delta)
@@ -304,13 +313,17 @@ def _families(scheme: str) -> dict[str, list[_Draft]]:
 
 
 def _quadrature_settles(draft: _Draft) -> bool:
-    """False for huge states, and for tiny components if H is no polynomial. Error bounds of a rule say little there."""
+    """False for huge states, and for tiny components if H is no polynomial.
+    Error bounds of a rule say little there.
+    """
     closed = isinstance(draft.problem, PolynomialSystem) or draft.problem in (OSCILLATOR, BODY)
     return "huge" not in draft.flags and (closed or not {"subnormal", "mixed-scales"} & set(draft.flags))
 
 
 def candidates(scheme: str) -> list[Candidate]:
-    """The cases of one scheme. (2.1) has all of them, the paper's other schemes a third, methods with stages a few."""
+    """The cases of one scheme. (2.1) has all of them, the paper's other schemes a third,
+    methods with stages a few.
+    """
     if scheme == FLOW:
         return [Candidate(FLOW, family, *draft) for family, draft in _flows()]
     phase = 1 + sorted(SCHEMES).index(scheme)
@@ -318,8 +331,8 @@ def candidates(scheme: str) -> list[Candidate]:
     every = 1 if scheme == "energy-preserving" else 12 if stages else 3
     found = []
     for family, drafts in _families(scheme).items():
-        # Methods with stages get no long steps, whose branches depend on the number of stages, and no drafts for which
-        # no quadrature settles.
+        # Methods with stages get no long steps, whose branches depend on the number of stages, and
+        # no drafts for which no quadrature settles.
         usual = [draft for draft in drafts if family != "long" and _quadrature_settles(draft)]
         kept = (usual if stages else drafts)[phase % every :: every]
         if scheme == "milstein":

@@ -1,4 +1,6 @@
-"""Pages that are made when the site is built: a path of each problem, and H along a path of each scheme."""
+"""Pages that are made when the site is built: a path of each problem,
+and H along a path of each scheme.
+"""
 
 from __future__ import annotations
 

@@ -21,7 +21,9 @@ def inline(translator: Any, node: nodes.math) -> None:
 
 
 def display(translator: Any, node: nodes.math_block) -> None:
-    """A formula of its own, which scrolls where it is wider than the page, with the keyboard too."""
+    """A formula of its own, which scrolls where it is wider than the page, with the keyboard
+    too.
+    """
     formula = mathml(node.astext(), "block")
     translator.body.append(f'<div class="math-display" tabindex="0" role="math">{formula}</div>\n')
     raise nodes.SkipNode

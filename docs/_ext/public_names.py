@@ -1,4 +1,6 @@
-"""Types in signatures lead to their public names: ``sepv.problem._problem.Problem`` is ``sepv.Problem``."""
+"""Types in signatures lead to their public names: ``sepv.problem._problem.Problem`` is
+``sepv.Problem``.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ def setup(app: Any) -> dict[str, bool]:
 def _readable(
     _app: Any, _what: str, _name: str, _object: Any, _options: Any, signature: str | None, result: str | None
 ) -> tuple[str | None, str | None]:
-    """Replace defaults such as ``<factory>``, which Sphinx cannot read, so that the types of the others are links."""
+    """Replace defaults such as ``<factory>``, which Sphinx cannot read,
+    so that the types of the others are links.
+    """
     return _UNREADABLE.sub(" = ...", signature) if signature else signature, result
 
 
@@ -46,7 +50,9 @@ def _documented(env: Any) -> dict[Any, str]:
 
 @cache
 def _found(name: str) -> Any:
-    """The module and qualified name of the object called `name`; None if there is no such class or function."""
+    """The module and qualified name of the object called `name`;
+    None if there is no such class or function.
+    """
     parts = name.split(".")
     for cut in range(len(parts) - 1, 0, -1):
         try:

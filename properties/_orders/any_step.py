@@ -1,9 +1,11 @@
-"""Tests of one small step at step sizes h drawn from the whole range in which laws about small h apply.
+"""Tests of one small step at step sizes h drawn from the whole range in which laws about small h
+apply.
 
-Below this range a fault could not be distinguished from rounding. Let L be a bound of |f′|. Above the range
-x = L(h + Σ c_j|ΔW_j|) is not small, and statements about small h have no meaning. For polynomial data, H is
-multiplied at such h by a ν < 1 (a longer unit of time), which makes x as small as needed. So a scheme that is
-wrong in some interval of h is also tested at h in this interval.
+Below this range a fault could not be distinguished from rounding. Let L be a bound of |f′|. Above
+the range x = L(h + Σ c_j|ΔW_j|) is not small, and statements about small h have no meaning. For
+polynomial data, H is multiplied at such h by a ν < 1 (a longer unit of time), which makes x as
+small as needed. So a scheme that is wrong in some interval of h is also tested at h in this
+interval.
 """
 
 from __future__ import annotations
@@ -37,19 +39,20 @@ from sepv.record import EPS, poly
 from sepv.schemes import Scheme, guarded
 from sepv.simulate import advance
 
-# Step sizes are drawn from PAIRS equal parts of the range, at most 2.1 octaves apart, so that no decade is
-# left out. The range is from 2⁻⁴⁰, where an error of size h is 1e-12 of y, to 2⁻², where A_h is 1.66 for
-# k = 1.
+# Step sizes are drawn from PAIRS equal parts of the range, at most 2.1 octaves apart, so that no
+# decade is left out. The range is from 2⁻⁴⁰, where an error of size h is 1e-12 of y, to 2⁻², where
+# A_h is 1.66 for k = 1.
 PAIRS, SMALLEST, LARGEST = 36, 2.0**-40, 2.0**-2
 # The ratio of the two step sizes of a pair.
 STEP_RATIO = 4.0
 # Factors on the c_j, used in turn: the problem's own noises, larger ones and smaller ones.
 NOISE_FACTORS = (1.0, 16.0, 1 / 16)
-# The upper end of the range in the problem's own time, as a share of the coarsest step size for slopes.
-# Errors differ from the first term of their expansion by O(x), and slopes from its power by O(x).
+# The upper end of the range in the problem's own time, as a share of the coarsest step size for
+# slopes. Errors differ from the first term of their expansion by O(x), and slopes from its power by
+# O(x).
 RANGE_UPPER_END = 2.0**-6
-# If y1 depends only on hf and ΔW_jf, errors in the same unit of time are equal. The factor ROOM is for
-# schemes that choose between two formulas with different constants.
+# If y1 depends only on hf and ΔW_jf, errors in the same unit of time are equal. The factor ROOM is
+# for schemes that choose between two formulas with different constants.
 ROOM = 2.0
 # Errors are cut off at this size, so that their squares stay finite.
 LARGEST_ERROR = 1e100
@@ -62,7 +65,9 @@ def drawn(rng: np.random.Generator, low: float, high: float, count: int) -> Arra
 
 
 def scaled(problem: Problem, factor: float, louder: float = 1.0) -> Problem | None:
-    """Return a problem with H, H_j, vectors, damping times `factor` and c_j times `louder`; None if it is not data."""
+    """Return a problem with H, H_j, vectors, damping times `factor` and c_j times `louder`;
+    None if it is not data.
+    """
     data = problem.data
     if factor == louder == 1:
         return problem
@@ -82,7 +87,9 @@ def scaled(problem: Problem, factor: float, louder: float = 1.0) -> Problem | No
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Errors of two steps, h and h / STEP_RATIO, for a problem whose H and noise were multiplied (`_pairs`)."""
+    """Errors of two steps, h and h / STEP_RATIO, for a problem whose H and noise were multiplied
+    (`_pairs`).
+    """
 
     problem: Problem
     h: float
@@ -100,25 +107,27 @@ class Pair:
         return float(np.log(coarse / fine) / np.log(STEP_RATIO))
 
     def growth(self, other: Pair, order: float) -> float:
-        """Bound the ratio of this pair's error to that of `other`, if both are sums of K_ab u^a v^b with K_ab ≥ 0.
+        """Bound the ratio of this pair's error to that of `other`,
+        if both are sums of K_ab u^a v^b with K_ab ≥ 0.
 
-        Here 2a + b = 2p + 1 with p = `order`. In the problem's own unit of time u is the finer h, and v = Σ
-        c_j√u.
+        Here 2a + b = 2p + 1 with p = `order`. In the problem's own unit of time u is the finer h,
+        and v = Σ c_j√u.
         """
         longer = np.sqrt(self.unit * self.h / (other.unit * other.h))
         return float((longer * max(1.0, self.louder / other.louder)) ** (2 * order + 1))
 
 
 def lower_order(scheme: Scheme, run: Run) -> tuple[tuple[float, float, str] | None, int]:
-    """Return (slope, needed slope, text) of an error that falls too slowly, or None, and the number of steps made.
+    """Return (slope, needed slope, text) of an error that falls too slowly, or None,
+    and the number of steps made.
 
-    In the problem's own unit of time a scheme of order p has errors Σ K_ab u^a v^b (1 + O(√h)), with K_ab
-    independent of the unit (a, b, u, v: see `Pair.growth`). So a pair's error is bounded by those of pairs
-    with the same noise, or else with the problem's own: pairs of the right slope, and the longest pair with
-    an error below the floor. A pair violates the law if its slope is too low and its error exceeds ROOM times
-    this bound. The slope does not suffice: a scheme that divides steps above some length has small errors of
-    slope ½ there. If no pair has the right slope, no violation is found here, because then the slope that the
-    law itself measures is wrong.
+    In the problem's own unit of time a scheme of order p has errors Σ K_ab u^a v^b (1 + O(√h)),
+    with K_ab independent of the unit (a, b, u, v: see `Pair.growth`). So a pair's error is bounded
+    by those of pairs with the same noise, or else with the problem's own: pairs of the right slope,
+    and the longest pair with an error below the floor. A pair violates the law if its slope is too
+    low and its error exceeds ROOM times this bound. The slope does not suffice: a scheme that
+    divides steps above some length has small errors of slope ½ there. If no pair has the right
+    slope, no violation is found here, because then the slope that the law itself measures is wrong.
     """
     if scheme.asks:
         return None, 0
@@ -153,7 +162,8 @@ def _judged(scheme: Scheme, problem: Problem, pairs: list[Pair]) -> tuple[float,
     for pair in (pair for pair in visible if pair.slope() < needed):
         louder = pair.louder if any(p.louder == pair.louder for p in right) else 1.0
         beside = [p for p in right if p.louder == louder]
-        # Of the steps with an error below the floor the longest is used, as if its error were the floor.
+        # Of the steps with an error below the floor the longest is used, as if its error were the
+        # floor.
         hidden = [p for p in pairs if p.louder == louder and p not in visible]
         beside += sorted(hidden, key=lambda p: p.unit * p.h)[-1:] if beside else []
         most = max((max(p.floor, p.errors[1]) * pair.growth(p, order) for p in beside), default=np.inf)
@@ -169,7 +179,9 @@ def _judged(scheme: Scheme, problem: Problem, pairs: list[Pair]) -> tuple[float,
 
 
 def _pairs(scheme: Scheme, problem: Problem, seed: int) -> Iterator[Pair]:
-    """Yield pairs of steps from the initial state, with the four increments ±ξ√h, ±ξ′√h; all pairs share ξ and ξ′."""
+    """Yield pairs of steps from the initial state, with the four increments ±ξ√h, ±ξ′√h;
+    all pairs share ξ and ξ′.
+    """
     rng, units = np.random.default_rng((seed, 20140203)), units_for(scheme, problem)
     order, m = strong_order(scheme, column(problem)), problem.noises
     xi = rng.uniform(0.5, 1.6, (m, 2)) * rng.choice([-1.0, 1.0], (m, 2))

@@ -1,15 +1,17 @@
 """Consistency: y1 = y0 + hf(y0) + o(h), measured by the limit κ of (y1 − φ_h(y0))/h for h → 0.
 
-If the weights of a method add to 1 + 1e-9, its error is κh + O(h^(p+1)) with κ = 1e-9 f(y0). Its slope is p + 1 down to
-the h at which both terms are equal, and 1 below, as for a solver that stops early. But the error of such a solver
-scatters with h, or is a power of h in which the sweeps are counted, and so tends to 0 faster than h. Here E(h) =
-(y1 − φ_h)/h = κ + a_1 h + a_2 h² + … is fitted by polynomials of degree n, with weights h, because an error R of y1 (of
-rounding, the flow, or a tolerance that is stated) changes E(h) by R/h. So κ is found up to
+If the weights of a method add to 1 + 1e-9, its error is κh + O(h^(p+1)) with κ = 1e-9 f(y0). Its
+slope is p + 1 down to the h at which both terms are equal, and 1 below, as for a solver that stops
+early. But the error of such a solver scatters with h, or is a power of h in which the sweeps are
+counted, and so tends to 0 faster than h. Here E(h) = (y1 − φ_h)/h = κ + a_1 h + a_2 h² + … is
+fitted by polynomials of degree n, with weights h, because an error R of y1 (of rounding, the flow,
+or a tolerance that is stated) changes E(h) by R/h. So κ is found up to
 
     Σ_i |r_i| R/h_i + 2 max(|κ_n − κ_(n−1)|, |κ_(n−1) − κ_(n−2)|),
 
-where r is the row of the fit that gives κ, and the second term estimates what higher powers of h do. A fit whose
-residuals exceed 2R/h is no fit: its errors scatter. Of all n and ranges of h, that with the smallest bound counts.
+where r is the row of the fit that gives κ, and the second term estimates what higher powers of h
+do. A fit whose residuals exceed 2R/h is no fit: its errors scatter. Of all n and ranges of h, that
+with the smallest bound counts.
 """
 
 from __future__ import annotations
@@ -25,7 +27,9 @@ DEGREES, COARSE = (3, 4, 5), range(0, 16, 3)
 
 
 class Limit(NamedTuple):
-    """The limit κ (d,) of (y1 − φ_h)/h for h → 0, and the bound below which it may come from rounding."""
+    """The limit κ (d,) of (y1 − φ_h)/h for h → 0, and the bound below which it may come from
+    rounding.
+    """
 
     value: Array
     bound: float
@@ -37,7 +41,9 @@ class Limit(NamedTuple):
 
 
 def limit(h: Array, errors: Array, rounding: float) -> Limit | None:
-    """Return the limit of errors (L, d) over h (L,), each exact up to `rounding`, for h → 0; None if they scatter."""
+    """Return the limit of errors (L, d) over h (L,), each exact up to `rounding`, for h → 0;
+    None if they scatter.
+    """
     found = [
         own
         for first in COARSE

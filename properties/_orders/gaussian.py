@@ -1,13 +1,15 @@
-"""Expectations over Wiener increments as finite sums: rules for ξ ~ N(0, I_m) and truncated ζ = clip(ξ, ±A_h).
+"""Expectations over Wiener increments as finite sums: rules for ξ ~ N(0, I_m)
+and truncated ζ = clip(ξ, ±A_h).
 
-In one variable the axis is cut at A_h(1), A_h(2), …, A_h(k), where A_h(i) is the bound of Remark 2.1 with i for k. A
-scheme that clips at one of these points is smooth on each panel, so each panel has the Gauss rule of the normal weight.
-Beyond A_h(k), where the scheme gets A_h and the exact solution ξ, the tail has another rule. Two variables have
-products of such rules, three to five products of small Gauss-Hermite rules, and six or more the degree-3 formula with
-the points ±√m e_j for m noises. All weights are positive, so errors of different nodes cannot cancel in a mean square.
+In one variable the axis is cut at A_h(1), A_h(2), …, A_h(k), where A_h(i) is the bound of Remark
+2.1 with i for k. A scheme that clips at one of these points is smooth on each panel, so each panel
+has the Gauss rule of the normal weight. Beyond A_h(k), where the scheme gets A_h and the exact
+solution ξ, the tail has another rule. Two variables have products of such rules, three to five
+products of small Gauss-Hermite rules, and six or more the degree-3 formula with the points ±√m e_j
+for m noises. All weights are positive, so errors of different nodes cannot cancel in a mean square.
 
-`rule_for` adds further arguments of schemes: Lévy areas A, space-time areas H, or increments of half steps. Nodes and
-the rows of these arguments are in units of √h (A = √h · row, H = √h · row).
+`rule_for` adds further arguments of schemes: Lévy areas A, space-time areas H, or increments of
+half steps. Nodes and the rows of these arguments are in units of √h (A = √h · row, H = √h · row).
 """
 
 from __future__ import annotations
@@ -25,11 +27,13 @@ from sepv.schemes import PointLaw, Scheme
 from sepv.simulate import areas
 from sepv.simulate import truncation as bounded
 
-# Nodes that discretise the weight on a panel. Gauss rules of n ≤ 24 nodes made from them are exact to rounding.
+# Nodes that discretise the weight on a panel. Gauss rules of n ≤ 24 nodes made from them are exact
+# to rounding.
 _FINE = 96
 # The length at which an infinite panel is cut off: there the weight has fallen by the factor 1e-35.
 _REACH = 12.7
-# The number of nodes of a tail. They need no further steps of the scheme, which gets A_h at all of them.
+# The number of nodes of a tail. They need no further steps of the scheme, which gets A_h at all of
+# them.
 TAIL = 8
 # The number of points in each variable of product rules, by the number of noises.
 POINTS_BY_NOISES = {1: 8, 2: 6, 3: 6, 4: 4, 5: 3}
@@ -37,7 +41,9 @@ POINTS_BY_NOISES = {1: 8, 2: 6, 3: 6, 4: 4, 5: 3}
 
 @dataclass(frozen=True)
 class Rule:
-    """A quadrature E g(ξ, ζ) ≈ Σ weights · g(xi, zeta[:, index]) over increments ξ and truncated increments ζ."""
+    """A quadrature E g(ξ, ζ) ≈ Σ weights · g(xi, zeta[:, index])
+    over increments ξ and truncated increments ζ.
+    """
 
     xi: Array  # (m, n) nodes for the exact solution
     weights: Array  # (n,), positive, of sum 1
@@ -52,11 +58,13 @@ class Rule:
 def rule(
     noises: int, h: float, truncation: int | None, degree: int, panels: bool = True, fewer: int = 0
 ) -> Rule:
-    """Return the rule for a step h with m = `noises` increments of a scheme that truncates with k = `truncation`.
+    """Return the rule for a step h with m = `noises` increments of a scheme that truncates with
+    k = `truncation`.
 
-    With `panels` and m ≤ 2, each axis is cut where a scheme may clip, and the rule has this `degree`. Else it has few
-    nodes and no cuts; `fewer` > 0 then removes `fewer` nodes in each variable, or for m ≥ 6 reflects the nodes.
-    If the scheme does not truncate, the cuts are those of k = 2, and the scheme gets the nodes beyond them unclipped.
+    With `panels` and m ≤ 2, each axis is cut where a scheme may clip, and the rule has this
+    `degree`. Else it has few nodes and no cuts; `fewer` > 0 then removes `fewer` nodes in each
+    variable, or for m ≥ 6 reflects the nodes. If the scheme does not truncate, the cuts are those
+    of k = 2, and the scheme gets the nodes beyond them unclipped.
     """
     if noises == 0:
         return Rule(np.zeros((0, 1)), np.ones(1), np.zeros((0, 1)), np.zeros(1, dtype=np.intp), degree)
@@ -75,7 +83,9 @@ def rule(
 
 
 def point_rule(noises: int, law: PointLaw) -> Rule:
-    """Return the rule for m independent increments with few values: all combinations, exact for every function."""
+    """Return the rule for m independent increments with few values: all combinations,
+    exact for every function.
+    """
     points = np.array(list(product(law.values, repeat=noises))).reshape(-1, noises).T
     weights = np.prod(np.array(list(product(law.weights, repeat=noises))).reshape(-1, noises), axis=1)
     return Rule(points, weights, points, np.arange(weights.size), law.degree)
@@ -89,7 +99,9 @@ def _clip(x: Array, h: float, truncation: int | None) -> Array:
 
 
 def _product(x: Array, w: Array, seen: Array, m: int, degree: int) -> Rule:
-    """Return the product of m equal rules; nodes with the same truncated ζ (`seen`) are one node for the scheme."""
+    """Return the product of m equal rules; nodes with the same truncated ζ (`seen`)
+    are one node for the scheme.
+    """
     different, number = np.unique(seen, return_inverse=True)
     grids = np.array(list(product(range(x.size), repeat=m))).T
     weights = np.prod(w[grids], axis=0)
@@ -100,12 +112,15 @@ def _product(x: Array, w: Array, seen: Array, m: int, degree: int) -> Rule:
 
 
 def _panels(h: float, truncation: int | None, degree: int, cuts: Iterable[int]) -> tuple[Array, Array, Array]:
-    """Return nodes ξ, weights and truncated nodes ζ of the rule in one variable, cut at A_h for each k in `cuts`."""
+    """Return nodes ξ, weights and truncated nodes ζ of the rule in one variable,
+    cut at A_h for each k in `cuts`.
+    """
     last = bounded.truncation_bound(h, truncation or 2)
     edges = [*(bounded.truncation_bound(h, k) for k in cuts if k < (truncation or 2)), last]
     outer = max(3, degree // 2 + 1)
-    # The panel around 0 has most of the probability. With n = `degree` nodes it is exact for squares of errors of order
-    # p + ½ and degree 2p + 1 in ΔW, if degree = 2p + 2: 2n − 1 ≥ 2(2p + 1).
+    # The panel around 0 has most of the probability. With n = `degree` nodes it is exact for
+    # squares of errors of order p + ½ and degree 2p + 1 in ΔW, if degree = 2p + 2: 2n − 1
+    # ≥ 2(2p + 1).
     parts = [_normal_rule(-edges[0], edges[0], min(outer + 3, max(degree, outer + 1)))]
     right = [_normal_rule(a, b, outer) for a, b in pairwise(edges)]
     right.append(_normal_rule(last, last + _REACH, outer if truncation is None else TAIL))
@@ -116,11 +131,13 @@ def _panels(h: float, truncation: int | None, degree: int, cuts: Iterable[int]) 
 
 
 def _normal_rule(a: float, b: float, n: int) -> tuple[Array, Array]:
-    """Return the n-point Gauss rule of the normal density on [a, b], with weights of sum P(a < ξ < b).
+    """Return the n-point Gauss rule of the normal density on [a, b],
+    with weights of sum P(a < ξ < b).
 
-    Stieltjes' procedure on a fine discretisation of the weight gives the recurrence of its orthogonal polynomials, and
-    the eigenvalues of the Jacobi matrix are the nodes (Gautschi, Orthogonal Polynomials, 2004, §2.2). The weight is
-    taken relative to its largest value on the panel, because a panel may be far out.
+    Stieltjes' procedure on a fine discretisation of the weight gives the recurrence of its
+    orthogonal polynomials, and the eigenvalues of the Jacobi matrix are the nodes (Gautschi,
+    Orthogonal Polynomials, 2004, §2.2). The weight is taken relative to its largest value on the
+    panel, because a panel may be far out.
     """
     t, fine = gauss_legendre(_FINE)
     x = a + (b - a) * t
@@ -146,14 +163,16 @@ def _normal_rule(a: float, b: float, n: int) -> tuple[Array, Array]:
 def rule_for(
     scheme: Scheme, problem: Problem, h: float, degree: int, fewer: int = 0, unit: float = 1.0
 ) -> Rule:
-    """Return the rule for a step h, with Lévy areas if the scheme takes them or several Hamiltonians need them.
+    """Return the rule for a step h, with Lévy areas if the scheme takes them or several
+    Hamiltonians need them.
 
-    For several Hamiltonians, the difference from a rule with `fewer` nodes less in each variable shows the error.
-    `unit` is the unit of time of h in the truncation bound A_h.
+    For several Hamiltonians, the difference from a rule with `fewer` nodes less in each variable
+    shows the error. `unit` is the unit of time of h in the truncation bound A_h.
     """
     several = isinstance(problem, HamiltoniansProblem)
     needed = scheme.asks == "areas" or (several and column(problem) == "general")
-    # For several Hamiltonians panels and areas would need too many nodes. The law "truncation" tests clipping.
+    # For several Hamiltonians panels and areas would need too many nodes. The law "truncation"
+    # tests clipping.
     return _rule(scheme.asks, scheme.truncation, problem.noises, h, degree, needed, not several, fewer, unit)
 
 
@@ -185,7 +204,9 @@ def _rule(
 
 
 def _of_halves(m: int, h: float, degree: int, fewer: int) -> Rule:
-    """Return a rule for schemes that take the untruncated increments of a step and of its first half, without areas."""
+    """Return a rule for schemes that take the untruncated increments of a step and of its first
+    half, without areas.
+    """
     two = rule(2 * m, h, None, degree, False, fewer)
     xi = (two.xi[:m] + two.xi[m:]) / np.sqrt(2)
     zeta = np.concatenate([(two.zeta[:m] + two.zeta[m:]) / np.sqrt(2), two.zeta[:m] / np.sqrt(2)])

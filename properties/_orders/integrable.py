@@ -1,17 +1,21 @@
 """Orbits on which a symplectic or reversible method keeps the energy up to O(h^p) over long times.
 
-Systems with one degree of freedom are integrable. A symplectic method has a modified Hamiltonian H̃ = H + h^p H_{p+1} +
-…, which it keeps up to exp(−c/h) (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, IX, Theorem 8.1). For a
-reversible method, the reversal ρ of momenta reverses its modified equation. Then a solution that meets p = 0 twice is
-closed (V.1 and XI). Both apply to the orbits here: B is constant, ρ reverses the flow, and the momentum changes sign.
+Systems with one degree of freedom are integrable. A symplectic method has a modified Hamiltonian
+H̃ = H + h^p H_{p+1} + …, which it keeps up to exp(−c/h) (Hairer, Lubich and Wanner,
+*Geometric Numerical Integration*, IX, Theorem 8.1). For a reversible method, the reversal ρ of
+momenta reverses its modified equation. Then a solution that meets p = 0 twice is closed (V.1 and
+XI). Both apply to the orbits here: B is constant, ρ reverses the flow, and the momentum changes
+sign.
 
-Problems with two degrees of freedom are two such systems in new variables q = S⁻¹Q, p = SᵀP, with a full mass matrix
-and a potential that couples the q_i. Runge-Kutta methods and compositions of kicks and drifts commute with linear maps
-of q. So both systems stay uncoupled in (Q, P). The golden ratio of their frequencies excludes a resonance (XIII).
+Problems with two degrees of freedom are two such systems in new variables q = S⁻¹Q, p = SᵀP, with a
+full mass matrix and a potential that couples the q_i. Runge-Kutta methods and compositions of kicks
+and drifts commute with linear maps of q. So both systems stay uncoupled in (Q, P). The golden ratio
+of their frequencies excludes a resonance (XIII).
 
-A rigid body or spin, y′ = s y × ∇H(y) with a constant s, is also integrable: y moves on a sphere, whose dimension is
-two, and a Poisson map is symplectic there. If H(ρy) = H(y) for a reflection ρ = 1 − 2vvᵀ, then ρ reverses the flow,
-because ρ(a × b) = −ρa × ρb. For H = ½ yᵀI⁻¹y each principal axis is such a v. As with momenta, v·y must change sign.
+A rigid body or spin, y′ = s y × ∇H(y) with a constant s, is also integrable: y moves on a
+sphere, whose dimension is two, and a Poisson map is symplectic there. If H(ρy) = H(y) for a
+reflection ρ = 1 − 2vvᵀ, then ρ reverses the flow, because ρ(a × b) = −ρa × ρb. For H = ½ yᵀI⁻¹y
+each principal axis is such a v. As with momenta, v·y must change sign.
 """
 
 from __future__ import annotations
@@ -43,17 +47,21 @@ from sepv.problems import canonical, started
 from sepv.record import poly
 
 Indices = NDArray[np.signedinteger[Any]]
-# Numbers of steps in a period at the largest step size: ωh = 0.42 and 0.45, a fifth of the leapfrog's stability limit.
+# Numbers of steps in a period at the largest step size: ωh = 0.42 and 0.45, a fifth of the
+# leapfrog's stability limit.
 STEPS = (15, 14)
 GOLDEN = (1 + 5**0.5) / 2
-# The largest share of harmonics k of an orbit for which k is at least the number of steps in a period. They look slow.
+# The largest share of harmonics k of an orbit for which k is at least the number of steps in a
+# period. They look slow.
 TAIL = 1e-4
-# The largest number of steps in a period of a user's orbit: PHASES states resolve harmonics below half their number.
+# The largest number of steps in a period of a user's orbit: PHASES states resolve harmonics below
+# half their number.
 MOST_STEPS = PHASES // 2
 # The largest number of times that a body may turn in a period of its orbit.
 TURNS = 8
 
-# The sign of B, 1 for y = (q, p) and −1 for y = (p, q), and the built-in pendulum in these variables.
+# The sign of B, 1 for y = (q, p) and −1 for y = (p, q), and the built-in pendulum in these
+# variables.
 _FORMS = {
     Systems.SINGLE: (-1.0, "pendulum"),
     Systems.CANONICAL_SEPARABLE: (-1.0, "pendulum"),
@@ -64,7 +72,9 @@ _NAMES = ("", "one well", "two coupled wells")
 
 @dataclass(frozen=True, eq=False)
 class Orbits:
-    """States (d, M) on orbits of a problem, the longest period, and its number of steps at the largest step size."""
+    """States (d, M) on orbits of a problem, the longest period,
+    and its number of steps at the largest step size.
+    """
 
     name: str
     problem: Problem
@@ -80,7 +90,9 @@ class Orbits:
 
     @property
     def kinetic(self) -> float:
-        """The largest kinetic energy on the orbit: the range of H at the orbit's states without the reversed part."""
+        """The largest kinetic energy on the orbit: the range of H at the orbit's states without the
+        reversed part.
+        """
         Q = self.reversed_axes
         resting = self.states - Q @ (Q.T @ self.states)
         first = np.broadcast_to(resting[:, :1], resting.shape)
@@ -92,7 +104,9 @@ class Orbits:
 
 
 class Well(NamedTuple):
-    """A Hamiltonian ½μP² + (ω²/μ)(½Q² + aQ³/3 + bQ⁴/4) with one well (a² < 4b), and the start P = 0, Q = size."""
+    """A Hamiltonian ½μP² + (ω²/μ)(½Q² + aQ³/3 + bQ⁴/4) with one well (a² < 4b),
+    and the start P = 0, Q = size.
+    """
 
     frequency: float
     inverse_mass: float
@@ -104,7 +118,8 @@ class Well(NamedTuple):
 def orbits_of_class(systems: Systems, seed: int) -> tuple[Orbits, ...]:
     """Return orbits for schemes of a class, or () if there are none.
 
-    The orbits are those of a well, the pendulum and two coupled wells, or of two rigid bodies or a body and a spin.
+    The orbits are those of a well, the pendulum and two coupled wells, or of two rigid bodies or a
+    body and a spin.
     """
     if systems in _BODIES:
         found = (users_orbits(make()) for make in _BODIES[systems])
@@ -134,7 +149,9 @@ def _well(random: Random, frequency: float) -> Well:
 
 
 def coupled(wells: Sequence[Well], S: Sequence[Sequence[int]], sign: float, steps: int) -> Orbits:
-    """Couple wells by q = S⁻¹Q, p = SᵀP with an integer S, det S = 1: y = (q, p) for sign 1, y = (p, q) for −1."""
+    """Couple wells by q = S⁻¹Q, p = SᵀP with an integer S, det S = 1: y = (q, p) for sign 1,
+    y = (p, q) for −1.
+    """
     n, R = len(wells), np.rint(np.linalg.inv(S))
     zero, H = [0.0] * n, []
     for k, well in enumerate(wells):
@@ -157,7 +174,9 @@ def coupled(wells: Sequence[Well], S: Sequence[Sequence[int]], sign: float, step
 
 
 def _moved(well: Well, phases: Indices) -> tuple[float, Array, Array]:
-    """Return a well's period, and Q, P at `phases`, by the orbit with ω = μ = 1 in the time s = ωt: P = (ω/μ)dQ/ds."""
+    """Return a well's period, and Q, P at `phases`, by the orbit with ω = μ = 1 in the time s = ωt:
+    P = (ω/μ)dQ/ds.
+    """
     period, q, p = _orbit(well.a, well.b, well.size)
     return period / well.frequency, q[phases], well.frequency / well.inverse_mass * p[phases]
 
@@ -211,7 +230,9 @@ def users_orbits(problem: Problem) -> Orbits:
 
 
 def _body(quaternion: tuple[float, ...], field: float = 0.0) -> Problem:
-    """A rigid body without noise, or with a `field` b, H = ½ yᵀI⁻¹y + b y_3, a spin in a field normal to two axes."""
+    """A rigid body without noise, or with a `field` b, H = ½ yᵀI⁻¹y + b y_3,
+    a spin in a field normal to two axes.
+    """
     data = body((1.0, 0.5, 0.25), quaternion, ())
     if field:
         data = replace(data, hamiltonian=poly.add(data.hamiltonian, poly.linear([0.0, 0.0, field])))
@@ -223,7 +244,9 @@ def _body(quaternion: tuple[float, ...], field: float = 0.0) -> Problem:
 
 @lru_cache(maxsize=2)
 def _of_fields(body: Problem) -> Problem:
-    """The body as a problem of several Hamiltonians with no noise, for schemes that read the noises' Hamiltonians."""
+    """The body as a problem of several Hamiltonians with no noise,
+    for schemes that read the noises' Hamiltonians.
+    """
     kept = {f.name: getattr(body, f.name) for f in fields(Problem) if f.init and f.name != "data"}
     return HamiltoniansProblem(**kept, check=False)
 

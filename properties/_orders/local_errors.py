@@ -1,14 +1,16 @@
-"""Errors of one step by quadrature over ΔW at small step sizes, from which orders follow without sampling or seed.
+"""Errors of one step by quadrature over ΔW at small step sizes,
+from which orders follow without sampling or seed.
 
 Milstein's theorem (§3) concludes a mean-square order p from two conditions on one step,
 
     |E[y1 − φ]| ≤ C h^(p+1)  (3.8)    and    (E|y1 − φ|²)^½ ≤ C h^(p+½)  (3.9),
 
-and a weak order q from |E g(y1 − y0) − E g(φ − y0)| ≤ C h^(q+1) for monomials g of degree 1, …, 2q + 1. Here φ is the
-exact solution after the step from the same state. For (1.1) φ is the flow at the time h + Σ c_jΔW_j. For several
-structures φ is the problem's closed form; if there is none, only moments of φ are known, by the generator's series. The
-scheme gets increments truncated as it declares, the exact solution untruncated ones. If the scheme declares increments
-with a few values, its expectation is a finite sum, and the quadrature is for the exact solution alone.
+and a weak order q from |E g(y1 − y0) − E g(φ − y0)| ≤ C h^(q+1) for monomials g of degree 1, …,
+2q + 1. Here φ is the exact solution after the step from the same state. For (1.1) φ is the flow
+at the time h + Σ c_jΔW_j. For several structures φ is the problem's closed form; if there is
+none, only moments of φ are known, by the generator's series. The scheme gets increments truncated
+as it declares, the exact solution untruncated ones. If the scheme declares increments with a few
+values, its expectation is a finite sum, and the quadrature is for the exact solution alone.
 """
 
 from __future__ import annotations
@@ -50,7 +52,9 @@ LEVELS = 10
 
 
 def five_noises(c: tuple[float, ...] = (0.5, 0.25, 0.375, 0.75, 0.3125)) -> Problem:
-    """Build a Nambu system in dimension three: quartic H, Casimir |y|², non-constant factor g, five different c_j."""
+    """Build a Nambu system in dimension three: quartic H, Casimir |y|², non-constant factor g,
+    five different c_j.
+    """
     H = poly.add(poly.squares((1.0, 2.0, 0.5)), poly.polynomial(3, {(2, 2, 0): 0.25, (0, 1, 3): 0.125}))
     g = poly.polynomial(3, {(0, 0, 0): 1.0, (1, 0, 0): 0.25})
     return started(problems.nambu_system(H, g, poly.squares((1, 1, 1)), c), "quartic-top", (0.75, -0.5, 0.5))
@@ -58,7 +62,9 @@ def five_noises(c: tuple[float, ...] = (0.5, 0.25, 0.375, 0.75, 0.3125)) -> Prob
 
 @lru_cache(maxsize=1)
 def two_noises() -> Problem:
-    """Build the Nambu system of `five_noises` with two noises alone, for paths of schemes that take no batches."""
+    """Build the Nambu system of `five_noises` with two noises alone,
+    for paths of schemes that take no batches.
+    """
     return five_noises((0.75, 0.5))
 
 
@@ -79,8 +85,8 @@ CASES: dict[Systems, tuple[Callable[[], Problem], ...]] = {
     Systems.SEVERAL: (
         problems.commuting_rotations, problems.commuting_oscillators, problems.noncommuting_tops
     ),
-    # General noises, commuting noises, additive noises, and one noise that does not commute with the drift. None of
-    # these problems has a symmetry that makes errors of a step vanish.
+    # General noises, commuting noises, additive noises, and one noise that does not commute with
+    # the drift. None of these problems has a symmetry that makes errors of a step vanish.
     Systems.HAMILTONIANS: (
         three_inertias, unequal_twists, problems.pushed_henon_heiles, problems.twisted_top
     ),
@@ -89,12 +95,16 @@ CASES: dict[Systems, tuple[Callable[[], Problem], ...]] = {
 
 @lru_cache(maxsize=8)
 def cases(systems: Systems) -> tuple[Problem, ...]:
-    """Return the problems on which schemes for a class of systems are judged. They are built once."""
+    """Return the problems on which schemes for a class of systems are judged. They are built
+    once.
+    """
     return tuple(make() for make in CASES[systems])
 
 
 def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
-    """Return the scheme's own problems, else its class's. Raise `Skipped` if none of its own has an initial state."""
+    """Return the scheme's own problems, else its class's.
+    Raise `Skipped` if none of its own has an initial state.
+    """
     own = problems_of(scheme)
     return as_taken(scheme, cases(scheme.systems)) if own is None else own
 
@@ -103,10 +113,11 @@ def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
 class LocalErrors:
     """Errors of one step from several states of a problem, at L falling step sizes.
 
-    Let φ be the exact solution. `mean`, `rms` and `weak` (L,) are |E[y1 − φ]|, (E|y1 − φ|²)^½ and |E g(y1) − E g(φ)|,
-    the largest over states and polynomials g, in the problem's unit of length. If only moments of φ are known, `rms` is
-    NaN. For several Hamiltonians that do not commute, `rms` is the distance of y1 from the solution of the log-ODE of
-    step two (`sepv.properties._orders.log_ode`), which is within O(h^{3/2}) of φ.
+    Let φ be the exact solution. `mean`, `rms` and `weak` (L,) are |E[y1 − φ]|, (E|y1 − φ|²)^½ and
+    |E g(y1) − E g(φ)|, the largest over states and polynomials g, in the problem's unit of length.
+    If only moments of φ are known, `rms` is NaN. For several Hamiltonians that do not commute,
+    `rms` is the distance of y1 from the solution of the log-ODE of step two
+    (`sepv.properties._orders.log_ode`), which is within O(h^{3/2}) of φ.
     """
 
     problem: str
@@ -127,11 +138,12 @@ class LocalErrors:
 
 
 def step_sizes(order: float) -> Array:
-    """Return LEVELS step sizes, coarse to fine, at which local errors of a scheme of this order are above rounding.
+    """Return LEVELS step sizes, coarse to fine, at which local errors of a scheme of this order are
+    above rounding.
 
-    The local rms error is about h^(p+½). At the finest h this is 2⁻⁴⁰. For high orders it is 2⁻⁴⁷, because their
-    constants are small and their range of h would else be short. For low orders the coarsest h is small, because steps
-    with large |ΔW| are not asymptotic at larger h.
+    The local rms error is about h^(p+½). At the finest h this is 2⁻⁴⁰. For high orders it is 2⁻⁴⁷,
+    because their constants are small and their range of h would else be short. For low orders the
+    coarsest h is small, because steps with large |ΔW| are not asymptotic at larger h.
     """
     coarse = 6.0 if order <= 1 else 4.0 if order <= 2 else 2.0
     fine = (40.0 if order <= 2 else 47.0) / (order + 0.5)
@@ -139,7 +151,9 @@ def step_sizes(order: float) -> Array:
 
 
 def _sizes(strong: float, weak: float) -> list[float]:
-    """Return step sizes for the mean-square order `strong`, and larger ones too if `weak` is higher by more than ½."""
+    """Return step sizes for the mean-square order `strong`,
+    and larger ones too if `weak` is higher by more than ½.
+    """
     found: list[float] = []
     more = step_sizes(weak).tolist() if weak > strong + 0.5 else []
     for h in sorted({*step_sizes(strong).tolist(), *more}, reverse=True):
@@ -151,7 +165,8 @@ def _sizes(strong: float, weak: float) -> list[float]:
 def local_errors(scheme: Scheme, problem: Problem, run: Run) -> LocalErrors:
     """Return the errors of one step on a problem, computed once for all laws of a run.
 
-    Raise `Skipped` if the scheme refuses the problem, or if no exact solution or moments of a step are known.
+    Raise `Skipped` if the scheme refuses the problem, or if no exact solution or moments of a step
+    are known.
     """
     if problem not in run.steps:
         run.steps[problem] = _measure(scheme, problem, sparing(scheme, run.effort))
@@ -204,17 +219,21 @@ def _measure(scheme: Scheme, problem: Problem, spared: bool) -> LocalErrors:
 
 
 def moments_only(problem: Problem) -> bool:
-    """True if a problem's exact solution has no formula, so that only its moments are known, from the generator."""
+    """True if a problem's exact solution has no formula, so that only its moments are known,
+    from the generator.
+    """
     if isinstance(problem, HamiltoniansProblem):
         return problem.closed_form is None and not commutes(problem)
     return isinstance(problem, StructuresProblem) and problem.closed_form is None
 
 
 def from_log_flow(problem: Problem, states: Array, h: float, nodes: Rule, y: Array) -> float:
-    """Return the largest (E|y1 − φ|²)^½ over states, where φ solves the log-ODE of step two; NaN if there is no φ.
+    """Return the largest (E|y1 − φ|²)^½ over states, where φ solves the log-ODE of step two;
+    NaN if there is no φ.
 
-    φ is computed by one step of order four, with an error of the order of h^{5/2}. Its distance from the exact solution
-    is O(h^{3/2}). For commuting noises with space-time areas the brackets with the drift make the distance O(h²).
+    φ is computed by one step of order four, with an error of the order of h^{5/2}. Its distance
+    from the exact solution is O(h^{3/2}). For commuting noises with space-time areas the brackets
+    with the drift make the distance O(h²).
     """
     general = column(problem) == "general"
     if not isinstance(problem, HamiltoniansProblem) or (general and nodes.areas is None):
@@ -231,23 +250,31 @@ def from_log_flow(problem: Problem, states: Array, h: float, nodes: Rule, y: Arr
 
 
 def local_states(scheme: Scheme, problem: Problem) -> Array:
-    """Return the states (d, S) of a problem from which single steps are made: three, or two for several noises."""
+    """Return the states (d, S) of a problem from which single steps are made: three,
+    or two for several noises.
+    """
     states = sample_states(problem, units_for(scheme, problem).length)
     return np.array(list(states)[: 3 if problem.noises <= 1 else 2]).T
 
 
 def step_rule(scheme: Scheme, problem: Problem, h: float) -> Rule:
-    """Return the quadrature over ΔW for a step h of the problem, with truncation A_h in the problem's unit of time."""
+    """Return the quadrature over ΔW for a step h of the problem,
+    with truncation A_h in the problem's unit of time.
+    """
     return rule_for(scheme, problem, h, rule_degree(scheme), unit=units_for(scheme, problem).time)
 
 
 def rule_degree(scheme: Scheme) -> int:
-    """Return the degree of polynomials of ΔW that the quadrature must integrate exactly to show the claimed orders."""
+    """Return the degree of polynomials of ΔW that the quadrature must integrate exactly to show the
+    claimed orders.
+    """
     return int(2 * max(order_of(p, "additive") for p in (scheme.mean_square_order, scheme.weak_order)) + 2)
 
 
 def one_step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: Rule) -> tuple[Array, str]:
-    """Return y1 (d, S, n) from S states at the n nodes, and a description of the first failed step, or ""."""
+    """Return y1 (d, S, n) from S states at the n nodes, and a description of the first failed step,
+    or "".
+    """
     d, S = states.shape
     asked = nodes.zeta.shape[1]
     y0, dW = np.repeat(states, asked, axis=1), np.tile(np.sqrt(h) * nodes.zeta, S)
@@ -259,14 +286,18 @@ def one_step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: R
 def solutions_at(
     problem: Problem, states: Array, rules: list[tuple[float, Rule]], degree: int = FULL_DEGREE
 ) -> tuple[list[Array], float]:
-    """Return exact solutions at each step size, or moments up to `degree` if no more is known; also their error."""
+    """Return exact solutions at each step size, or moments up to `degree` if no more is known;
+    also their error.
+    """
     if moments_only(problem):
         return moments_at(problem, states, [h for h, _ in rules], degree)
     return ends_at(problem, states, rules)
 
 
 def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) -> tuple[list[Array], float]:
-    """Return exact solutions (d, S, n) at step sizes for which the flow exists from all states, and their error."""
+    """Return exact solutions (d, S, n) at step sizes for which the flow exists from all states,
+    and their error.
+    """
     form = getattr(problem, "closed_form", None)
     if isinstance(problem, HamiltoniansProblem) and form is None:
         return _flows_at(problem, states, rules)
@@ -277,7 +308,8 @@ def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) ->
     times = [problem.random_step(h, np.sqrt(h) * r.xi) for h, r in rules]
     while times:
         try:
-            # The dense solution is exact at θ = 0, where closed forms have an error of some roundings.
+            # The dense solution is exact at θ = 0, where closed forms have an error of some
+            # roundings.
             flows = [exact_flow(problem, np.concatenate(times), y, dense=True) for y in states.T]
         except FlowFailure:
             times = times[1:]
@@ -308,7 +340,9 @@ def _flows_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) 
 def against_moments(
     moved: Array, exact: Array, weights: Array, degree: int = FULL_DEGREE, length: float = 1.0
 ) -> tuple[float, float, float]:
-    """Return errors (mean, rms = NaN, weak) of `moved`, in units of `length`, against exact moments `exact` (A, S)."""
+    """Return errors (mean, rms = NaN, weak) of `moved`, in units of `length`,
+    against exact moments `exact` (A, S).
+    """
     asked = exponents(moved.shape[0], degree)
     over, unit = np.array([(factorial(sum(alpha)), length ** sum(alpha)) for alpha in asked]).T
     differences = (moments_of(moved, weights, asked) - exact / unit[:, None]) / over[:, None]
@@ -317,7 +351,9 @@ def against_moments(
 
 
 def _norms(moved: Array, exact: Array, weights: Array, weak: float) -> tuple[float, float, float]:
-    """Return the largest |E e|, (E|e|²)^½, |E g(moved) − E g(exact)| over states and all g, with e = moved − exact."""
+    """Return the largest |E e|, (E|e|²)^½, |E g(moved) − E g(exact)| over states and all g,
+    with e = moved − exact.
+    """
     error = moved - exact
     mean = np.sqrt(np.max(np.sum((error @ weights) ** 2, axis=0)))
     rms = np.sqrt(np.max(np.sum(error**2, axis=0) @ weights))
@@ -328,7 +364,9 @@ def _norms(moved: Array, exact: Array, weights: Array, weak: float) -> tuple[flo
 def apart(
     moved: Array, weights: Array, exact: Array, rule_weights: Array, weak: float
 ) -> tuple[float, float, float]:
-    """Return errors (mean, rms = NaN, weak) if the nodes and `weights` of `moved` are not those of `exact`."""
+    """Return errors (mean, rms = NaN, weak) if the nodes and `weights` of `moved` are not those of
+    `exact`.
+    """
     mean = np.sqrt(np.max(np.sum((moved @ weights - exact @ rule_weights) ** 2, axis=0)))
     tests = polynomials(moved.shape[0], weak)
     found = max(np.max(np.abs(g(moved) @ weights - g(exact) @ rule_weights)) for g in tests)
@@ -336,9 +374,11 @@ def apart(
 
 
 def polynomials(dimension: int, weak: float) -> list[Callable[[Array], Array]]:
-    """Return monomials in y − y0 of degree k ≤ 3 and kth powers of linear forms for 3 < k ≤ 2·`weak` + 1, all over k!.
+    """Return monomials in y − y0 of degree k ≤ 3 and kth powers of linear forms for 3 < k
+    ≤ 2·`weak` + 1, all over k!.
 
-    The factor 1/k! is that of Taylor's series. Without it errors of high powers would hide those of low powers.
+    The factor 1/k! is that of Taylor's series. Without it errors of high powers would hide those of
+    low powers.
     """
 
     def monomial(indices: tuple[int, ...]) -> Callable[[Array], Array]:

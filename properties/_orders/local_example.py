@@ -1,4 +1,6 @@
-"""Examples for messages of violated laws about one step: a state y0, the expected result and the scheme's result."""
+"""Examples for messages of violated laws about one step: a state y0,
+the expected result and the scheme's result.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ from sepv.schemes import Scheme, guarded, point_law
 
 
 def mean_example(scheme: Scheme, problem: Problem, h: float) -> str:
-    """Describe the state where E[y1 − y0] differs most from E[φ − y0], with the exact solution φ, or return ""."""
+    """Describe the state where E[y1 − y0] differs most from E[φ − y0], with the exact solution φ,
+    or return "".
+    """
     states, came, expected = _means(scheme, problem, h)
     apart = np.linalg.norm((came - expected)[: problem.dimension], axis=0)
     s = int(np.argmax(apart)) if apart.size else 0
@@ -28,7 +32,9 @@ def mean_example(scheme: Scheme, problem: Problem, h: float) -> str:
 
 
 def weak_example(scheme: Scheme, problem: Problem, h: float) -> str:
-    """Describe the largest error of a second moment of y1 − y0, or of the mean of y1 − y0 if its error is larger."""
+    """Describe the largest error of a second moment of y1 − y0,
+    or of the mean of y1 − y0 if its error is larger.
+    """
     states, came, expected = _means(scheme, problem, h)
     pairs = list(combinations_with_replacement(range(problem.dimension), 2))
     apart = np.abs(came - expected)[: problem.dimension + len(pairs)]
@@ -44,7 +50,9 @@ def weak_example(scheme: Scheme, problem: Problem, h: float) -> str:
 
 
 def _means(scheme: Scheme, problem: Problem, h: float) -> tuple[Array, Array, Array]:
-    """Return states (d, S), and the means (A, S) of monomials of degree 1 and 2 in y1 − y0 and in φ − y0."""
+    """Return states (d, S), and the means (A, S) of monomials of degree 1 and 2 in y1 − y0 and in φ
+    − y0.
+    """
     states, m, law = local.local_states(scheme, problem), problem.noises, point_law(scheme.increments)
     nodes = local.step_rule(scheme, problem, h)
     taken = nodes if law is None else point_rule(m, law)
@@ -65,7 +73,9 @@ def _monomials(z: Array) -> Array:
 
 
 def step_example(scheme: Scheme, problem: Problem, h: float) -> str:
-    """Describe y1 − y0, and the exact φ − y0, for the increment and state that contribute most to E|y1 − φ|²."""
+    """Describe y1 − y0, and the exact φ − y0, for the increment and state that contribute most to
+    E|y1 − φ|².
+    """
     states = local.local_states(scheme, problem)
     nodes = local.step_rule(scheme, problem, h)
     y, failed = local.one_step(guarded(scheme), problem, states, h, nodes)

@@ -1,15 +1,19 @@
-"""Moments E (φ − y0)^α of the exact solution φ after one step, by the generator's series or by a splitting.
+"""Moments E (φ − y0)^α of the exact solution φ after one step,
+by the generator's series or by a splitting.
 
-**Polynomial data.** The moments are the series Σ h^k/k! L^k g of the generator L in rational numbers
-(`sepv.reference.generator`). For linear fields L keeps the degree of g, and the series is computed fast. For other
-fields it has fewer terms, with an error of the order h^(LEAST_TERMS + 1) or higher.
+**Polynomial data.** The moments are the series Σ h^k/k! L^k g of the generator L in rational
+numbers (`sepv.reference.generator`). For linear fields L keeps the degree of g, and the series is
+computed fast. For other fields it has fewer terms, with an error of the order h^(LEAST_TERMS + 1)
+or higher.
 
 **Functions.** The splitting of S. Ninomiya and N. Victoir (Appl. Math. Finance 15, 2008),
 
-    Q_h g = ½ E g(e^{½hf_0} e^{c_1√hξ_1f_1} … e^{c_m√hξ_mf_m} e^{½hf_0} y) + ½ E g(… the noises in the other order …),
+    Q_h g = ½ E g(e^{½hf_0} e^{c_1√hξ_1f_1} … e^{c_m√hξ_mf_m} e^{½hf_0} y) + ½ E g(… the noises in
+    the other order …),
 
-is E g(φ) + C h³ + O(h⁴). Q_{h/2}² has a quarter of this C, so that (4 Q_{h/2}² − Q_h)/3 has an error of O(h⁴).
-Expectations are products of Gauss-Hermite rules with n points, with an error of O(h^n). Flows are solved to rounding.
+is E g(φ) + C h³ + O(h⁴). Q_{h/2}² has a quarter of this C, so that (4 Q_{h/2}² − Q_h)/3 has an
+error of O(h⁴). Expectations are products of Gauss-Hermite rules with n points, with an error of
+O(h^n). Flows are solved to rounding.
 """
 
 from __future__ import annotations
@@ -26,13 +30,16 @@ from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, 
 from sepv.record import EPS
 from sepv.schemes import DORMAND_PRINCE_8
 
-# All monomials up to this degree are tested. Above it, powers of a few linear forms are tested instead.
+# All monomials up to this degree are tested. Above it, powers of a few linear forms are tested
+# instead.
 FULL_DEGREE = 3
-# The number of terms of the generator's series for linear fields: for h ≤ 2⁻⁶, h^9/9! is far below rounding.
+# The number of terms of the generator's series for linear fields: for h ≤ 2⁻⁶, h^9/9! is far below
+# rounding.
 SERIES = 8
 # The least number of terms for nonlinear fields. Orders up to 2 are visible above an error of h⁵.
 LEAST_TERMS = 4
-# The number of quadrature points in each variable, by the number of noises. More noises than these would need hours.
+# The number of quadrature points in each variable, by the number of noises. More noises than these
+# would need hours.
 POINTS = {0: 1, 1: 6, 2: 5, 3: 4}
 # The power of h in the error of the extrapolated splitting.
 SPLIT = 4
@@ -49,10 +56,12 @@ def exponents(dimension: int, degree: int = FULL_DEGREE) -> tuple[tuple[int, ...
 def moments_at(
     problem: Problem, states: Array, sizes: list[float], degree: int = FULL_DEGREE
 ) -> tuple[list[Array], float]:
-    """Return E (φ − y0)^α (A, S) at each step size for A exponents α, and the largest error of the flows used.
+    """Return E (φ − y0)^α (A, S) at each step size for A exponents α,
+    and the largest error of the flows used.
 
-    If H is a function, step sizes down to the finest one with an infinite flow are left out, and moments are NaN if
-    POINTS lacks the number of noises. Several structures must be data with linear fields, else `Skipped` is raised.
+    If H is a function, step sizes down to the finest one with an infinite flow are left out, and
+    moments are NaN if POINTS lacks the number of noises. Several structures must be data with
+    linear fields, else `Skipped` is raised.
     """
     data = problem.data
     if isinstance(data, PolynomialSystem):
@@ -106,7 +115,9 @@ def moments_of(moved: Array, weights: Array, asked: tuple[tuple[int, ...], ...])
 
 
 def _split(problem: Problem, y: Array, h: float) -> tuple[Array, Array, float]:
-    """Make a splitting step from y (d, S, n) to 2u nodes each. Return ends (d, S, n·2u), weights, the flows' error."""
+    """Make a splitting step from y (d, S, n) to 2u nodes each. Return ends (d, S, n·2u), weights,
+    the flows' error.
+    """
     m, (d, S, n) = problem.noises, y.shape
     x, w = np.polynomial.hermite_e.hermegauss(POINTS[m])
     grid = np.array(list(product(range(x.size), repeat=m)), dtype=np.intp).reshape(-1, m).T
@@ -129,7 +140,9 @@ def _split(problem: Problem, y: Array, h: float) -> tuple[Array, Array, float]:
 
 
 def _flow(field: Callable[[Array], Array], y: Array, times: Array) -> tuple[Array, float]:
-    """Return a flow from y (d, M) over times (M,), and its error; steps of order 8 are halved until results agree."""
+    """Return a flow from y (d, M) over times (M,), and its error;
+    steps of order 8 are halved until results agree.
+    """
 
     def slope(z: Array) -> Array:
         return times * field(z)

@@ -1,8 +1,9 @@
-"""The verdict on an order from errors of one step: their slope at small steps with errors above rounding.
+"""The verdict on an order from errors of one step: their slope at small steps with errors above
+rounding.
 
-At coarse steps correct schemes may have any slope. So a slope may refute a scheme only if the errors are far above
-rounding and the slope no longer rises with smaller steps. Errors confirm a scheme if the finest ones fall as the order
-demands, or if all errors are rounding.
+At coarse steps correct schemes may have any slope. So a slope may refute a scheme only if the
+errors are far above rounding and the slope no longer rises with smaller steps. Errors confirm a
+scheme if the finest ones fall as the order demands, or if all errors are rounding.
 """
 
 from __future__ import annotations
@@ -22,17 +23,21 @@ from sepv.problem import Array, Problem, damping_of
 from sepv.record import EPS
 from sepv.schemes import Scheme, order_of
 
-# Half the distance between local rms orders, which are multiples of ½. Slopes at the fine end are within 0.1 of their
-# limits. They converge most slowly if truncation contributes h^(k+1)|ln h|^(-3/2).
+# Half the distance between local rms orders, which are multiples of ½. Slopes at the fine end are
+# within 0.1 of their limits. They converge most slowly if truncation contributes h^(k+1)|ln
+# h|^(-3/2).
 MARGIN = 0.25
-# Up to this power of h mean errors have the margin MARGIN too, because slopes are accurate to 0.05 and errors that are
-# not smooth, such as |ΔW|³, become visible. Above it the margin is ½, half-way between whole orders: mean errors of
-# smooth schemes have whole orders, because odd powers of ΔW have mean zero.
+# Up to this power of h mean errors have the margin MARGIN too, because slopes are accurate to 0.05
+# and errors that are not smooth, such as |ΔW|³, become visible. Above it the margin is ½, half-way
+# between whole orders: mean errors of smooth schemes have whole orders, because odd powers of ΔW
+# have mean zero.
 SHARP_ORDER = 3.0
-# Errors of a step below ROUNDING·eps·|y| may be rounding: some roundings of a state and a solver's last correction.
+# Errors of a step below ROUNDING·eps·|y| may be rounding: some roundings of a state and a solver's
+# last correction.
 ROUNDING = 64.0
-# FLOOR is by convention the error, in eps·|y|, of a solver that states no tolerance, also for sampled laws. Only errors
-# CLEAR times as large may refute a scheme, because the solver's error changes their slopes by less than 0.1.
+# FLOOR is by convention the error, in eps·|y|, of a solver that states no tolerance, also for
+# sampled laws. Only errors CLEAR times as large may refute a scheme, because the solver's error
+# changes their slopes by less than 0.1.
 FLOOR, CLEAR = 1e4, 10.0
 # The number of points of a slope, and the number needed to decide if a slope still rises.
 POINTS, ENOUGH = 3, 4
@@ -40,7 +45,9 @@ POINTS, ENOUGH = 3, 4
 
 @dataclass(frozen=True)
 class Slope:
-    """A slope of errors against h: its value, what it means for the law, and a text with its range of h."""
+    """A slope of errors against h: its value, what it means for the law,
+    and a text with its range of h.
+    """
 
     verdict: Verdict
     value: float
@@ -59,14 +66,17 @@ def judge_slope(  # noqa: PLR0911  (one return for each meaning of a slope)
     large = np.flatnonzero(errors > floor)
     if errors.size and not large.size:
         return Slope(Verdict.HOLDS, float("inf"), f"errors below {floor:.1e} are rounding")
-    # `far` counts errors up to the last large one, `real` those up to the first that may be rounding.
+    # `far` counts errors up to the last large one, `real` those up to the first that may be
+    # rounding.
     far = int(large[-1]) + 1 if large.size else 0
     real = max(far, int(np.argmin([*(errors > rounding), False])))
-    # If fewer than three are real, the first error below `rounding` counts as `rounding`: the slope is a lower bound.
+    # If fewer than three are real, the first error below `rounding` counts as `rounding`: the slope
+    # is a lower bound.
     used = real if real >= POINTS else min(real + 1, errors.size)
     x, y = np.log(h), np.log(np.maximum(errors, rounding))
     if used < POINTS:
-        # Errors that fall faster than claimed: the slope to `rounding` at the next step size is a lower bound.
+        # Errors that fall faster than claimed: the slope to `rounding` at the next step size is a
+        # lower bound.
         bound = _over(x[:used], y[:used]) if used > 1 else None
         if bound is not None and bound.value >= least:
             return replace(bound, verdict=Verdict.HOLDS)
@@ -94,17 +104,23 @@ def _over(x: Array, y: Array) -> Slope:
 
 
 def unclaimed(column: str) -> float:
-    """Return the order required without a claim: the highest that increments alone allow for the kind of noise."""
+    """Return the order required without a claim: the highest that increments alone allow for the
+    kind of noise.
+    """
     return 0.5 if column == "general" else 1.0
 
 
 def strong_order(scheme: Scheme, column: str) -> float:
-    """Return the mean-square order required for the kind of noise `column`: the claimed one, or else `unclaimed`."""
+    """Return the mean-square order required for the kind of noise `column`: the claimed one,
+    or else `unclaimed`.
+    """
     return order_of(scheme.mean_square_order, column, unclaimed(column))
 
 
 def mean_slope(local: LocalErrors, order: float) -> float:
-    """Return the slope that mean or weak errors need: `order` + 1 or, if lower, the quadrature's, minus a margin."""
+    """Return the slope that mean or weak errors need: `order` + 1 or, if lower, the quadrature's,
+    minus a margin.
+    """
     power = min(order + 1, local.exact_order)
     return power - (MARGIN if power <= SHARP_ORDER else 2 * MARGIN)
 
@@ -112,8 +128,9 @@ def mean_slope(local: LocalErrors, order: float) -> float:
 def order_shown(slope: Slope, order: float, spacing: float, needs: Callable[[float], float]) -> float | None:
     """Return the largest order that a slope shows, or None if it shows none.
 
-    Possible orders are `order`, with which the slope was compared, plus multiples of `spacing`. A slope that may still
-    rise shows no order. Else it shows an order p if it is at least needs(p). Errors below rounding show only `order`.
+    Possible orders are `order`, with which the slope was compared, plus multiples of `spacing`. A
+    slope that may still rise shows no order. Else it shows an order p if it is at least needs(p).
+    Errors below rounding show only `order`.
     """
     if slope.verdict is Verdict.HOLDS:
         while np.isfinite(slope.value) and slope.value >= needs(order + spacing) > needs(order):
@@ -136,11 +153,13 @@ def judge(
     enough: int = LEVELS // 2,
     example: Callable[[Scheme, Problem, float], str] = lambda *_: "",
 ) -> Finding:  # fmt: skip
-    """Return the law's finding from the worst slope over the problems, each with at least `enough` step sizes.
+    """Return the law's finding from the worst slope over the problems,
+    each with at least `enough` step sizes.
 
-    `errors` selects the law's errors, and `claimed` the order with which they are compared. `needs` gives the slope
-    that an order needs, half-way to the slope of the next lower order. Orders are `spacing` apart. `measure` computes
-    the errors, and for a violation `example` describes one step of a given size.
+    `errors` selects the law's errors, and `claimed` the order with which they are compared. `needs`
+    gives the slope that an order needs, half-way to the slope of the next lower order. Orders are
+    `spacing` apart. `measure` computes the errors, and for a violation `example` describes one step
+    of a given size.
     """
     if scheme.eps > EPS:
         text = "one step shows its order where its error is below the roundings of single precision"
@@ -192,7 +211,9 @@ def judge(
 
 
 def _slope_of(scheme: Scheme, local: LocalErrors, errors: Array, bound: float) -> Slope:
-    """Judge the slope of errors that are above rounding and above the errors of the scheme's solver and the flow."""
+    """Judge the slope of errors that are above rounding and above the errors of the scheme's solver
+    and the flow.
+    """
     tolerance = scheme.solver_tolerance
     return judge_slope(
         local.h, errors, bound, (ROUNDING * EPS + 2 * tolerance) * local.scale + 2 * local.flow,
@@ -201,7 +222,9 @@ def _slope_of(scheme: Scheme, local: LocalErrors, errors: Array, bound: float) -
 
 
 def _worst(slopes: list[tuple[Slope, float]]) -> tuple[Verdict, Slope, float]:
-    """Return the verdict on all problems, and the slope with this verdict farthest below its bound, with the bound."""
+    """Return the verdict on all problems, and the slope with this verdict farthest below its bound,
+    with the bound.
+    """
     verdicts = [seen.verdict for seen, _ in slopes]
     verdict = next((v for v in (Verdict.VIOLATED, Verdict.INCONCLUSIVE) if v in verdicts), Verdict.HOLDS)
     deciding = [s for s in slopes if s[0].verdict is verdict]

@@ -1,10 +1,12 @@
-"""The log-ODE of a step: dy/ds = h f_0 + Σ c_j ΔW_j f_j + Σ_{i<j} c_i c_j A_ij [f_i, f_j] with the Lévy areas A_ij.
+"""The log-ODE of a step: dy/ds = h f_0 + Σ c_j ΔW_j f_j + Σ_{i<j} c_i c_j A_ij [f_i, f_j] with the
+Lévy areas A_ij.
 
-If all fields f_i commute, the brackets vanish and y(1) is the exact solution. Else this is the log-ODE method of step 2
-(F. Castell and J. Gaines, Stochastic Process. Appl. 60, 1995; T. Lyons, in: ICIAM 2014). The logarithm of the exact
-flow has further brackets of three fields, whose integrals are of the order of h^{3/2} with mean O(h²). So y(1) is the
-exact solution up to these integrals, and consecutive steps converge with mean-square order 1. The method is a reference
-only: no scheme under verification uses it.
+If all fields f_i commute, the brackets vanish and y(1) is the exact solution. Else this is the
+log-ODE method of step 2 (F. Castell and J. Gaines, Stochastic Process. Appl. 60, 1995; T. Lyons,
+in: ICIAM 2014). The logarithm of the exact flow has further brackets of three fields, whose
+integrals are of the order of h^{3/2} with mean O(h²). So y(1) is the exact solution up to these
+integrals, and consecutive steps converge with mean-square order 1. The method is a reference only:
+no scheme under verification uses it.
 """
 
 from __future__ import annotations
@@ -35,14 +37,17 @@ from sepv.record import EPS
 from sepv.schemes import CLASSICAL, DORMAND_PRINCE_8, ExplicitTableau
 from sepv.simulate import RoughPath
 
-# The least and largest numbers of explicit steps. The number is doubled until the result changes by roundings only.
+# The least and largest numbers of explicit steps. The number is doubled until the result changes by
+# roundings only.
 FEWEST, MOST = 4, 64
 
 
 def combined_field(problem: Problem, y: Array, parts: Array) -> Array:
-    """The field h f_0(y) + Σ_j c_j ΔW_j f_j(y) (d, M) of a step, with the drift f_0 and the fields f_j of the noises.
+    """The field h f_0(y) + Σ_j c_j ΔW_j f_j(y) (d, M) of a step,
+    with the drift f_0 and the fields f_j of the noises.
 
-    `parts` (1 + m, M) holds h and the c_j ΔW_j. For a problem with damping, f_0 = B∇H_0 − γy or B∇H_0 − Γy.
+    `parts` (1 + m, M) holds h and the c_j ΔW_j. For a problem with damping, f_0 = B∇H_0 − γy or
+    B∇H_0 − Γy.
     """
     if len(vectors := noise_vectors(problem)):
         return parts[0] * drift(problem, y) + vectors.T @ parts[1:]
@@ -54,10 +59,12 @@ def combined_field(problem: Problem, y: Array, parts: Array) -> Array:
 
 
 def field(problem: Problem, y: Array, parts: Array, areas: Array, bridges: Array | None = None) -> Array:
-    """Evaluate the log-ODE's field at y (d, M). `parts` (1 + m, M) holds h and c_j ΔW_j, `areas` (k, M) Lévy areas.
+    """Evaluate the log-ODE's field at y (d, M). `parts` (1 + m, M) holds h and c_j ΔW_j,
+    `areas` (k, M) Lévy areas.
 
-    `bridges` (m, M) are space-time areas H. They add the brackets with the drift, Σ c_j A_0j [f_0, f_j], A_0j = −hH_j.
-    If the noises commute, the integrals of the terms that are still omitted are then of the order of h².
+    `bridges` (m, M) are space-time areas H. They add the brackets with the drift, Σ c_j A_0j [f_0,
+    f_j], A_0j = −hH_j. If the noises commute, the integrals of the terms that are still omitted are
+    then of the order of h².
     """
     return with_brackets(combined_field(problem, y, parts), problem, y, parts[0], areas, bridges)
 
@@ -65,7 +72,9 @@ def field(problem: Problem, y: Array, parts: Array, areas: Array, bridges: Array
 def with_brackets(
     total: Array, problem: Problem, y: Array, h: Any, areas: Array, bridges: Array | None
 ) -> Array:
-    """Add to `total` (d, M) the brackets of the noises, and with `bridges` the brackets with the drift (`field`)."""
+    """Add to `total` (d, M) the brackets of the noises,
+    and with `bridges` the brackets with the drift (`field`).
+    """
     for area, (i, j) in zip(areas, combinations(range(problem.noises), 2), strict=False):
         factor = problem.c[i] * problem.c[j] * area
         if np.any(factor):
@@ -76,7 +85,9 @@ def with_brackets(
 
 
 def runge_kutta(field: Callable[[Array], Array], y: Array, steps: int, tableau: ExplicitTableau) -> Array:
-    """Return z(1) for ż = field(z), z(0) = y, by `steps` equal steps of an explicit Runge-Kutta method."""
+    """Return z(1) for ż = field(z), z(0) = y, by `steps` equal steps of an explicit Runge-Kutta
+    method.
+    """
     for _ in range(steps):
         slopes: list[Array] = []
         for row in tableau.A:
@@ -110,12 +121,13 @@ def log_flow(problem: Problem, y: Array, parts: Array, areas: Array) -> tuple[Ar
 def path(problem: Problem, y0: Array, rough: RoughPath, *, with_drift: bool) -> Array:
     """Return the log-ODE's y(T) (d, M) after the N steps of a rough path.
 
-    Each step makes a classical Runge-Kutta step for the increments alone, and then adds the brackets at the old state.
-    Because E[A_ij ΔW_k] = 0, this splitting omits terms of O(h^{3/2}) with mean O(h²). It takes half as long as a step
-    with the brackets in the field, and its errors are larger by a twentieth.
+    Each step makes a classical Runge-Kutta step for the increments alone, and then adds the
+    brackets at the old state. Because E[A_ij ΔW_k] = 0, this splitting omits terms of O(h^{3/2})
+    with mean O(h²). It takes half as long as a step with the brackets in the field, and its errors
+    are larger by a twentieth.
 
-    `with_drift` is for noises whose brackets with each other vanish. It adds the brackets with the drift instead. The
-    terms that a step omits are then O(h²).
+    `with_drift` is for noises whose brackets with each other vanish. It adds the brackets with the
+    drift instead. The terms that a step omits are then O(h²).
     """
     y = np.repeat(y0[:, None], rough.dW.shape[2], axis=1)
     none = np.zeros((0, rough.dW.shape[2]))

@@ -1,29 +1,34 @@
-"""The energy of a method without noise over many periods: its trend, and the power of h of its oscillation.
+"""The energy of a method without noise over many periods: its trend,
+and the power of h of its oscillation.
 
-**No trend.** Along an orbit of a symplectic or reversible method (`sepv.properties._orders.integrable`) the energy is
-quasi-periodic, H(y_n) = Σ_k f_k e^{ikω̃hn}, up to exp(−c/h). With weights w_j ∝ sin⁴(πj/N), the mean energy over a
-window of N steps from step τ is f_0 + Σ_{k≠0} f_k e^{ikω̃hτ} W(kω̃hN/2π), with the transform W of the weights,
+**No trend.** Along an orbit of a symplectic or reversible method
+(`sepv.properties._orders.integrable`) the energy is quasi-periodic, H(y_n) = Σ_k f_k e^{ikω̃hn}, up
+to exp(−c/h). With weights w_j ∝ sin⁴(πj/N), the mean energy over a window of N steps from step τ is
+f_0 + Σ_{k≠0} f_k e^{ikω̃hτ} W(kω̃hN/2π), with the transform W of the weights,
 
     |W(x)| ≤ 1/(πx |x² − 1||x²/4 − 1|)     for x > 2 periods in the window.
 
-Let W_k be W at kω̃hN/2π. Two such means, τ steps apart, differ by at most 2 Σ|f_k||W_k|. Because |W_k| falls like k⁻⁵,
-the Cauchy-Schwarz inequality bounds this by 2 L √(2 (1 + 2⁻¹⁰ + …)) times the rms of the oscillation, with L = |W_1|.
-The rms is at most half of the range A, the largest minus the least value. So the bound LEAKS L A, LEAKS = 4, is more
-than twice what theory gives. This allows for harmonics k of at least the number of steps in a period, which look like
-slow waves and are at most 1e-4 of all harmonics (`integrable.TAIL`). L is evaluated at 7/8 of PERIODS, because the
-method's frequency ω̃ differs from the flow's by less than an eighth. The random walk of rounding and the sum of a
-solver's tolerances are added to the bound. A trend of r a step moves the mean by rτ. It is detected if it amounts to
-LEAKS L A over 1.5 windows, which is the whole oscillation in four hundred periods.
+Let W_k be W at kω̃hN/2π. Two such means, τ steps apart, differ by at most 2 Σ|f_k||W_k|. Because
+|W_k| falls like k⁻⁵, the Cauchy-Schwarz inequality bounds this by 2 L √(2 (1 + 2⁻¹⁰ + …)) times the
+rms of the oscillation, with L = |W_1|. The rms is at most half of the range A, the largest minus
+the least value. So the bound LEAKS L A, LEAKS = 4, is more than twice what theory gives. This
+allows for harmonics k of at least the number of steps in a period, which look like slow waves and
+are at most 1e-4 of all harmonics (`integrable.TAIL`). L is evaluated at 7/8 of PERIODS, because the
+method's frequency ω̃ differs from the flow's by less than an eighth. The random walk of rounding
+and the sum of a solver's tolerances are added to the bound. A trend of r a step moves the mean by
+rτ. It is detected if it amounts to LEAKS L A over 1.5 windows, which is the whole oscillation in
+four hundred periods.
 
-A mean that moves further shows a trend if the movement also grows with τ: the confidence interval of its exponent
-(`sepv.properties._growth`) must exclude bounded growth. The theory is for small h. If the energy moves by more than
-GROSS times the kinetic energy, h is halved first.
+A mean that moves further shows a trend if the movement also grows with τ: the confidence interval
+of its exponent (`sepv.properties._growth`) must exclude bounded growth. The theory is for small h.
+If the energy moves by more than GROSS times the kinetic energy, h is halved first.
 
-**The power of h.** Let e_n = H(y_n) − H(y_0), n ≤ N, over a fixed time, with weights w_n. y_n has an expansion in
-powers of h (Hairer, Lubich and Wanner, II.8), and the weights vanish to fourth order at both ends, so that the rms of e
-about its mean is A(h) = c h^p(1 + αh + βh² + …). The slope s(h) = log₂ A(h)/A(h/2) is p + αh/(2 ln 2) + …. The error of
-s(h/2) is half of that of s(h), or a quarter for a symmetric method, so |s(h/2) − p| ≤ |s(h/2) − s(h)|. The interval is
-s(h/2) ± 2|s(h/2) − s(h)|, enlarged by rounding in both slopes. Two intervals in a row below p − ½ refute the order p.
+**The power of h.** Let e_n = H(y_n) − H(y_0), n ≤ N, over a fixed time, with weights w_n. y_n has
+an expansion in powers of h (Hairer, Lubich and Wanner, II.8), and the weights vanish to fourth
+order at both ends, so that the rms of e about its mean is A(h) = c h^p(1 + αh + βh² + …). The slope
+s(h) = log₂ A(h)/A(h/2) is p + αh/(2 ln 2) + …. The error of s(h/2) is half of that of s(h), or a
+quarter for a symmetric method, so |s(h/2) − p| ≤ |s(h/2) − s(h)|. The interval is s(h/2) ± 2|s(h/2)
+− s(h)|, enlarged by rounding in both slopes. Two intervals in a row below p − ½ refute the order p.
 """
 
 from __future__ import annotations
@@ -44,15 +49,17 @@ from sepv.simulate import Carried, advance
 
 # The number of periods in a window, for the mean (PERIODS) and for the oscillation (SHORT).
 PERIODS, SHORT = 4, 2
-# Distances between the first mean and the others, in windows. With more effort (`--deep`) they are longer.
+# Distances between the first mean and the others, in windows. With more effort (`--deep`) they are
+# longer.
 WINDOW_DISTANCES = (0.1875, 0.375, 0.75, 1.5)
 # The bound of a movement of the mean, in units of L A (see the docstring of the module).
 LEAKS = 4.0
-# If the energy changes by more than GROSS times the largest kinetic energy, theory needs shorter steps: h is halved, at
-# most HALVED times, before a trend is reported.
+# If the energy changes by more than GROSS times the largest kinetic energy, theory needs shorter
+# steps: h is halved, at most HALVED times, before a trend is reported.
 GROSS, HALVED = 1 / 8, 2
-# Heuristic: an oscillation shows no power of h if its slope over the last three step sizes is lower than the least one
-# by SLOPE_DROP. Else 1 + αh + … would change eightfold although a period has 56 or more steps.
+# Heuristic: an oscillation shows no power of h if its slope over the last three step sizes is lower
+# than the least one by SLOPE_DROP. Else 1 + αh + … would change eightfold although a period has 56
+# or more steps.
 SLOPE_DROP = 1.0
 # The largest number of step sizes, each half of the one before, and the least number for a verdict.
 SIZES, FEWEST = 5, 3
@@ -71,7 +78,9 @@ class EnergyPath:
         self.found = [np.zeros(states.shape[1])]
 
     def errors(self, steps: int) -> Array:
-        """Return the energy errors H(y_n) − H(y_0) of M paths for n = 0, …, steps, as an array (steps + 1, M)."""
+        """Return the energy errors H(y_n) − H(y_0) of M paths for n = 0, …, steps,
+        as an array (steps + 1, M).
+        """
         while len(self.found) <= steps:
             value, status, *_ = advance(self.asked, self.problem, self.y, self.h, self.none, self.carried)
             if np.any(status != Status.CONVERGED):
@@ -93,13 +102,16 @@ class Stopped(Exception):
 
 @dataclass(frozen=True)
 class Judged:
-    """The judgement of the energy's trend or power of h: a verdict, a text, and `share`, a size over its limit."""
+    """The judgement of the energy's trend or power of h: a verdict, a text, and `share`,
+    a size over its limit.
+    """
 
     verdict: Verdict
     share: float = 0.0
     text: str = ""
     steps: int = 0
-    # `kept`: H is constant up to rounding. `gross`: H moves so far that the step is too long for the theory.
+    # `kept`: H is constant up to rounding. `gross`: H moves so far that the step is too long for
+    # the theory.
     kept: bool = False
     gross: bool = False
     # The step size, and the energy errors of the first path.
@@ -108,13 +120,17 @@ class Judged:
 
 
 def weights(steps: int) -> Array:
-    """Return the N + 1 weights of a mean over N = `steps` steps, proportional to sin⁴(πj/N), with sum 1."""
+    """Return the N + 1 weights of a mean over N = `steps` steps, proportional to sin⁴(πj/N),
+    with sum 1.
+    """
     found = np.sin(np.pi * np.arange(steps + 1) / steps) ** 4
     return np.asarray(found / np.sum(found))
 
 
 def leakage(periods: float) -> float:
-    """Bound the mean of a wave of size 1, by `weights` over a window that has at least `periods` > 2 of its periods."""
+    """Bound the mean of a wave of size 1, by `weights` over a window that has at least
+    `periods` > 2 of its periods.
+    """
     return 1 / (np.pi * periods * (periods**2 - 1) * (periods**2 / 4 - 1))
 
 
@@ -125,14 +141,18 @@ def means(errors: Array, window: int, offsets: list[int]) -> Array:
 
 
 def allowed_rounding(scheme: Scheme, problem: Problem, states: Array, steps: int) -> float:
-    """Bound the change of H over `steps` steps by rounding and by the tolerance that a scheme states for its solver."""
+    """Bound the change of H over `steps` steps by rounding and by the tolerance that a scheme
+    states for its solver.
+    """
     size = float(np.max(np.sum(np.abs(problem.gradient(states) * states), axis=0)))
     walk = rounding_walk(problem, states, steps) * scheme.eps / EPS
     return walk + scheme.solver_tolerance * steps * size
 
 
 def trend(scheme: Scheme, orbits: Orbits, paths: int, longer: int = 1) -> Judged:
-    """Judge how far the mean over a window moves in `longer` × 1.5 windows. If H moves by too much, h is halved."""
+    """Judge how far the mean over a window moves in `longer` × 1.5 windows. If H moves by too much,
+    h is halved.
+    """
     for halved in range(HALVED + 1):
         found = _trend(scheme, orbits, paths, longer, 2**halved)
         if found.verdict is Verdict.HOLDS or not found.gross:
@@ -180,7 +200,8 @@ def _trend(scheme: Scheme, orbits: Orbits, paths: int, longer: int, finer: int) 
 
 
 def power(scheme: Scheme, orbits: Orbits, least: float, known: Judged) -> Judged:
-    """Judge the power of h of the energy's oscillation on one path against `least`, with more step sizes as needed.
+    """Judge the power of h of the energy's oscillation on one path against `least`,
+    with more step sizes as needed.
 
     For one of the step sizes the judgement of the trend, `known`, has the path already.
     """
@@ -206,7 +227,9 @@ def power(scheme: Scheme, orbits: Orbits, least: float, known: Judged) -> Judged
 
 
 def judged_power(sizes: list[float], rounding: list[float], least: float) -> Judged:
-    """Judge oscillations `sizes` at h, h/2, …, with bounds `rounding`: inconclusive if more step sizes may decide."""
+    """Judge oscillations `sizes` at h, h/2, …, with bounds `rounding`:
+    inconclusive if more step sizes may decide.
+    """
     text = f"oscillations {', '.join(f'{size:.2g}' for size in sizes)} at h, h/2, …"
     if sizes[-1] <= rounding[-1]:
         return Judged(Verdict.HOLDS, 0.0, f"{text}: the last one is rounding")
@@ -228,7 +251,9 @@ def judged_power(sizes: list[float], rounding: list[float], least: float) -> Jud
 
 
 def _slope(sizes: list[float], rounding: list[float]) -> tuple[float, float]:
-    """Return the slope log₂ A(h/2)/A(h/4) and its interval's half-width, for oscillations `sizes` A at h, h/2, h/4."""
+    """Return the slope log₂ A(h/2)/A(h/4) and its interval's half-width,
+    for oscillations `sizes` A at h, h/2, h/4.
+    """
     slopes = np.log2(np.array(sizes[:-1]) / sizes[1:])
     off = np.array(rounding) / sizes / np.log(2)
     return float(slopes[1]), 2 * abs(float(slopes[1] - slopes[0])) + float(off @ (2, 5, 3))

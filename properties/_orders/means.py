@@ -1,13 +1,15 @@
-"""Means of errors, for laws about weak orders and limits, and combinations of means at several step sizes.
+"""Means of errors, for laws about weak orders and limits,
+and combinations of means at several step sizes.
 
-A mean of errors has an expansion μ(h) = a h^p + b h^(p+1) + c h^(p+2) + … in the step size (Talay and Tubaro 1990).
-A claim says that the first coefficient a vanishes, with p = 0 for a limit and p = q − 1 for a weak order q. The linear
-combination of three step sizes that gives a is itself a mean over paths. So its interval is Student's, even if the mean
-changes its sign at some h. No logarithm is taken of a number that may be zero.
+A mean of errors has an expansion μ(h) = a h^p + b h^(p+1) + c h^(p+2) + … in the step size
+(Talay and Tubaro 1990). A claim says that the first coefficient a vanishes, with p = 0 for a
+limit and p = q − 1 for a weak order q. The linear combination of three step sizes that gives a
+is itself a mean over paths. So its interval is Student's, even if the mean changes its sign at
+some h. No logarithm is taken of a number that may be zero.
 
-Errors are capped at the size of the solution, |e| ≤ max|y(T)|. So one path that diverges at a coarse step does not
-dominate the sample. A weak order remains, because it holds for bounded test functions too.
-`benchmarks.coverage` measures how often these intervals miss.
+Errors are capped at the size of the solution, |e| ≤ max|y(T)|. So one path that diverges at a
+coarse step does not dominate the sample. A weak order remains, because it holds for bounded test
+functions too. `benchmarks.coverage` measures how often these intervals miss.
 """
 
 from __future__ import annotations
@@ -25,10 +27,11 @@ from sepv.statistics import students_t
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A coefficient (K,) of the expansions of K means in powers of h, with its standard error (K,) and a remainder.
+    """A coefficient (K,) of the expansions of K means in powers of h, with its standard error (K,)
+    and a remainder.
 
-    `remainder` is the change of the coefficient if the coarsest step size is included, which estimates the effect of
-    the omitted powers.
+    `remainder` is the change of the coefficient if the coarsest step size is included, which
+    estimates the effect of the omitted powers.
     """
 
     value: Array
@@ -38,7 +41,9 @@ class Coefficient:
     power: float = 0
 
     def half(self, alpha: float, more: float = 1.0) -> Array:
-        """Return half-widths (K,) of joint intervals at level 1 − alpha, as if there were `more` times the paths."""
+        """Return half-widths (K,) of joint intervals at level 1 − alpha,
+        as if there were `more` times the paths.
+        """
         return critical(alpha / self.value.size, self.paths) * self.error / np.sqrt(more)
 
 
@@ -48,7 +53,9 @@ def critical(alpha: float, paths: int) -> float:
 
 
 def capped(errors: StrongErrors) -> Array:
-    """Return the errors e (L, d, M) without their weights, shortened to |e| ≤ scale, infinite and NaN ones included."""
+    """Return the errors e (L, d, M) without their weights, shortened to |e| ≤ scale,
+    infinite and NaN ones included.
+    """
     weights = errors.weights[:, None]
     # A path of weight 0 was left out, and its error is 0 already.
     e = np.divide(errors.errors, weights, out=np.zeros_like(errors.errors), where=weights > 0)
@@ -58,9 +65,11 @@ def capped(errors: StrongErrors) -> Array:
 
 
 def moment_errors(errors: StrongErrors) -> Array:
-    """Return the weighted errors w·[g(y_N) − g(y(T))] of g = y_i and y_i y_j, (L, K, M), in units of the spread of g.
+    """Return the weighted errors w·[g(y_N) − g(y(T))] of g = y_i and y_i y_j, (L, K, M),
+    in units of the spread of g.
 
-    The spread is that of g(y(T)). If g hardly varies, like a Casimir, the unit is a thousandth of the size of g.
+    The spread is that of g(y(T)). If g hardly varies, like a Casimir, the unit is a thousandth of
+    the size of g.
     """
     e, y = capped(errors), errors.ends
     d = y.shape[1]
@@ -79,13 +88,15 @@ def _spread(g: Array, errors: StrongErrors, degree: int) -> float:
 
 
 def limit_errors(errors: StrongErrors, problem: Problem) -> tuple[list[str], Array, Array]:
-    """Return K possible causes of an error e, the shares (L, K, M) by which each would be wrong, and their sizes (K,).
+    """Return K possible causes of an error e, the shares (L, K, M) by which each would be wrong,
+    and their sizes (K,).
 
-    The causes are drift, noise, each noise, and Itô's correction. If one is too large by the share γ, it moves y(T) by
-    γv to first order, with v = T B∇H for the drift, Σ c_j W_j G_j∇H for the noise and ½T Σ c_j² (G_j∇H)′G_j∇H for
-    the correction. The share is ⟨v, e⟩/E|v|². If the limit is right, the mean share vanishes with h, because e does.
-    For noises the share is Cov(v, e)/Var v. Then the part of e independent of the noise (nearly all if c is small) adds
-    no variance. The size of a cause is the rms of its v at the coarsest step.
+    The causes are drift, noise, each noise, and Itô's correction. If one is too large by the share
+    γ, it moves y(T) by γv to first order, with v = T B∇H for the drift, Σ c_j W_j G_j∇H for the
+    noise and ½T Σ c_j² (G_j∇H)′G_j∇H for the correction. The share is ⟨v, e⟩/E|v|². If the limit is
+    right, the mean share vanishes with h, because e does. For noises the share is Cov(v, e)/Var v.
+    Then the part of e independent of the noise (nearly all if c is small) adds no variance. The
+    size of a cause is the rms of its v at the coarsest step.
     """
     e = capped(errors)
     rows, sizes = [], np.empty(0)
@@ -127,7 +138,9 @@ def _directions(problem: Problem, y: Array, T: float, W: Array) -> tuple[list[st
 
 
 def leading(samples: Array, h: Array, power: float) -> Coefficient:
-    """Estimate the coefficient of h^power in means of samples (L, K, M) that expand in h^power, h^(power + 1), …."""
+    """Estimate the coefficient of h^power in means of samples (L, K, M) that expand in h^power,
+    h^(power + 1), ….
+    """
     chosen = sorted({0, len(h) // 2, len(h) - 1})
     weights = _combination(h[chosen], power)
     fewer = np.concatenate([[0.0], _combination(h[chosen[1:]], power)])
@@ -146,10 +159,12 @@ def _combination(h: Array, power: float) -> Array:
 
 
 def decay(samples: Array, h: Array, alpha: float, more: float = 1.0) -> tuple[float, float, float]:
-    """Estimate the order at which the largest of K means falls from the coarsest step to the finest: value, low, high.
+    """Estimate the order at which the largest of K means falls from the coarsest step to the
+    finest: value, low, high.
 
-    The intervals of all 2K means, as if there were `more` times the paths, hold together with probability 1 − alpha.
-    If at the coarsest step all of them contain 0, `low` is −∞; if at the finest step, `high` is ∞.
+    The intervals of all 2K means, as if there were `more` times the paths, hold together with
+    probability 1 − alpha. If at the coarsest step all of them contain 0, `low` is −∞; if at the
+    finest step, `high` is ∞.
     """
     paths = samples.shape[2]
     ends = samples[[0, -1]]

@@ -1,16 +1,18 @@
-"""The exact solution with several structures or Hamiltonians, by a formula if the flows commute, else by finer steps.
+"""The exact solution with several structures or Hamiltonians, by a formula if the flows commute,
+else by finer steps.
 
-If all fields commute, y(T) is the flow of T f_0 + Σ c_j W_j(T) f_j at the time 1. Else the reference is the
-log-ODE of step two (`sepv.properties._orders.log_ode`) over a path of increments and Lévy areas refined
-LOG_ODE_REFINEMENT times. It has mean-square order 1, also if the noises do not commute. So its error is
-smaller than that of a scheme of order 1 by the factor LOG_ODE_REFINEMENT, and than that of a scheme of order
-½ by more. Let y_δ be its result with the step size δ. The error is estimated by |y_δ − y_2δ|. The reference is
-2y_δ − y_2δ: this extrapolation hardly changes errors of paths, but makes their mean O(δ²), which is enough for
-weak order 2.
+If all fields commute, y(T) is the flow of T f_0 + Σ c_j W_j(T) f_j at the time 1. Else the
+reference is the log-ODE of step two (`sepv.properties._orders.log_ode`) over a path of increments
+and Lévy areas refined LOG_ODE_REFINEMENT times. It has mean-square order 1, also if the noises do
+not commute. So its error is smaller than that of a scheme of order 1 by the factor
+LOG_ODE_REFINEMENT, and than that of a scheme of order ½ by more. Let y_δ be its result with the
+step size δ. The error is estimated by |y_δ − y_2δ|. The reference is 2y_δ − y_2δ: this
+extrapolation hardly changes errors of paths, but makes their mean O(δ²), which is enough for weak
+order 2.
 
-A scheme of order 1.5 for commuting noises would soon be more accurate than this reference. For such a scheme
-the log-ODE also has the brackets with the drift, by space-time areas. Its errors are then O(δ) in the mean,
-which the extrapolation removes, and otherwise O(δ^{3/2}).
+A scheme of order 1.5 for commuting noises would soon be more accurate than this reference. For such
+a scheme the log-ODE also has the brackets with the drift, by space-time areas. Its errors are then
+O(δ) in the mean, which the extrapolation removes, and otherwise O(δ^{3/2}).
 """
 
 from __future__ import annotations
@@ -34,7 +36,9 @@ LOG_ODE_REFINEMENT = 8
 
 
 def ends(problem: Problem, y0: Array, T: float, W: Array) -> Array | None:
-    """Return the exact solution y(T) (d, M) from y0 (d,) for given W(T) (m, M), or None if there is no formula."""
+    """Return the exact solution y(T) (d, M) from y0 (d,) for given W(T) (m, M),
+    or None if there is no formula.
+    """
     if not is_several(problem):
         return exact_flow(problem, problem.random_step(T, W), y0).y
     form = getattr(problem, "closed_form", None)
@@ -47,7 +51,8 @@ def ends(problem: Problem, y0: Array, T: float, W: Array) -> Array | None:
 def refined(
     problem: Problem, y0: Array, T: float, steps: int, paths: range, seed: int, order: float
 ) -> tuple[RoughPath, Array, float]:
-    """Return the reference for fields that do not all commute: finer noise and areas, y(T) (d, M), rms error.
+    """Return the reference for fields that do not all commute: finer noise and areas, y(T) (d, M),
+    rms error.
 
     `order` is the mean-square order that the scheme claims for this problem.
     """

@@ -1,9 +1,11 @@
-"""E g(y_N) for increments with a few values, as a sum over all paths of N steps instead of a sample.
+"""E g(y_N) for increments with a few values, as a sum over all paths of N steps instead of a
+sample.
 
-With n values and m noises a step has K = n^m possible results, and N steps have K^N, each with its probability. The
-expectation is then a finite sum. E g(y(T)) is known by quadrature, so weak errors are exact to rounding, and fall with
-slope q over N = 1, 2, … steps of [0, T]. T is short, because K^N has to be small. The test shows whether local errors
-add up to the claimed order. There is no false alarm by chance.
+With n values and m noises a step has K = n^m possible results, and N steps have K^N, each with its
+probability. The expectation is then a finite sum. E g(y(T)) is known by quadrature, so weak errors
+are exact to rounding, and fall with slope q over N = 1, 2, … steps of [0, T]. T is short, because
+K^N has to be small. The test shows whether local errors add up to the claimed order. There is no
+false alarm by chance.
 """
 
 from __future__ import annotations
@@ -21,11 +23,12 @@ from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import PointLaw, Scheme, guarded, point_law
 from sepv.simulate import advance
 
-# The end time T is short enough for slopes within 0.1 of their limits (0.25 on Lotka-Volterra), and long enough for
-# errors far above rounding.
+# The end time T is short enough for slopes within 0.1 of their limits (0.25 on Lotka-Volterra), and
+# long enough for errors far above rounding.
 T = 0.0625
 STEPS = (1, 2, 3, 4, 6, 8)
-# The largest number of paths of N steps. Three values make 3⁸ paths with one noise, 9⁴ with two, 27³ with three.
+# The largest number of paths of N steps. Three values make 3⁸ paths with one noise, 9⁴ with two,
+# 27³ with three.
 PATHS_MAX = 20000
 # The least number of different N for a slope. A slope that may refute an order needs one more.
 LEAST_RESOLUTIONS = 3
@@ -34,7 +37,9 @@ LEAST_RESOLUTIONS = 3
 def tree(
     scheme: Scheme, problem: Problem, start: Array, h: float, steps: int, law: PointLaw
 ) -> tuple[Array, Array, str]:
-    """Return the ends (d, K^N) of all paths of N = `steps` steps, their probabilities, and a failure's text or ""."""
+    """Return the ends (d, K^N) of all paths of N = `steps` steps, their probabilities,
+    and a failure's text or "".
+    """
     points = point_rule(problem.noises, law)
     y, weights = start[:, None], np.ones(1)
     dW = np.sqrt(h) * points.zeta
@@ -49,7 +54,9 @@ def tree(
 
 
 def tree_errors(scheme: Scheme, problem: Problem, _run: Run) -> LocalErrors:
-    """Return weak errors at T from the problem's initial state for h = T/N; raise `Skipped` for too many noises."""
+    """Return weak errors at T from the problem's initial state for h = T/N;
+    raise `Skipped` for too many noises.
+    """
     law = point_law(scheme.increments)
     assert law is not None
     ends = len(law.values) ** problem.noises

@@ -1,34 +1,36 @@
-"""The order of a method without noise, y′ = B∇H: the power of h of the error of one step, extrapolated to h = 0.
+"""The order of a method without noise, y′ = B∇H: the power of h of the error of one step,
+extrapolated to h = 0.
 
-From a given state a method of order p has the error e(h) = |y1 − φ_h(y0)| = c h^(p+1)(1 + a h + b h² + …).
-With r = √2 its slope s(h) = log_r e(rh)/e(h) is p + 1 + αh + βh² + …, and Richardson's extrapolation
+From a given state a method of order p has the error e(h) = |y1 − φ_h(y0)| = c h^(p+1)(1 + a h + b
+h² + …). With r = √2 its slope s(h) = log_r e(rh)/e(h) is p + 1 + αh + βh² + …, and Richardson's
+extrapolation
 
     t(h) = (r s(h) − s(rh))/(r − 1) = p + 1 − r β h² + O(h³)
 
-removes αh. From h to rh the error of t doubles, so it is about t(rh) − t(h), and a third of t(r²h) − t(h).
-The interval is t(h) plus or minus the larger of 2|t(rh) − t(h)| and |t(r²h) − t(h)|, two or three times the
-error, to cover higher terms. If rounding, a solver's stated tolerance and the flow change errors by at most
-R, they change s by at most (R/e(rh) + R/e(h))/ln r. The interval is enlarged by this change of both slopes in
-the formula of t. Powers of h are whole numbers, so an interval refutes an order only if it is narrow and
-contains a whole number.
+removes αh. From h to rh the error of t doubles, so it is about t(rh) − t(h), and a third of t(r²h)
+− t(h). The interval is t(h) plus or minus the larger of 2|t(rh) − t(h)| and |t(r²h) − t(h)|, two or
+three times the error, to cover higher terms. If rounding, a solver's stated tolerance and the flow
+change errors by at most R, they change s by at most (R/e(rh) + R/e(h))/ln r. The interval is
+enlarged by this change of both slopes in the formula of t. Powers of h are whole numbers, so an
+interval refutes an order only if it is narrow and contains a whole number.
 
-The same formulas are used with r = 2 and r = 4. These need step sizes farther apart, but rounding changes
-their slopes less. The narrowest of the three intervals counts. If a coefficient is wrong in a late digit, the
-error has a term of a lower power of h that dominates only at small h. So errors at finer steps than those
-that confirm an order are compared with a sum of two powers (`_slower`). The finest step sizes with a narrow
-interval decide. The unit of h is that in which the slope of the field is 2 (`sepv.law.units`). A
-slope below ½ is no order, because y1 = y0 for h = 0. It comes from a tolerance that was not stated, and finer
-steps are left out. Errors κh with a constant κ, however small, are told from such tolerances by their
-regularity (`sepv.properties._orders.consistency`).
+The same formulas are used with r = 2 and r = 4. These need step sizes farther apart, but rounding
+changes their slopes less. The narrowest of the three intervals counts. If a coefficient is wrong in
+a late digit, the error has a term of a lower power of h that dominates only at small h. So errors
+at finer steps than those that confirm an order are compared with a sum of two powers (`_slower`).
+The finest step sizes with a narrow interval decide. The unit of h is that in which the slope of the
+field is 2 (`sepv.law.units`). A slope below ½ is no order, because y1 = y0 for h = 0. It comes from
+a tolerance that was not stated, and finer steps are left out. Errors κh with a constant κ, however
+small, are told from such tolerances by their regularity (`sepv.properties._orders.consistency`).
 
 A damped system without noise, y′ = B∇H − γy, has a flow too, and the same is measured on it.
 
-**Memory.** The order of a scheme that carries a state is that of its error at a fixed time T, because its
-first step may have a lower order than a path (`path_errors`). The error of a path of N = T/h steps, divided
-by N, is the mean error of its steps. It is c h^(p+1)(1 + a h + …) again (Hairer, Nørsett and Wanner, *Solving
-Ordinary Differential Equations I*, II.8 and III.9), so the same formulas judge it. Rounding errors R of a
-step grow by at most e^(LT) until T, with the slope L of the field. So they change the mean error by at most R
-e^(LT).
+**Memory.** The order of a scheme that carries a state is that of its error at a fixed time T,
+because its first step may have a lower order than a path (`path_errors`). The error of a path of
+N = T/h steps, divided by N, is the mean error of its steps. It is c h^(p+1)(1 + a h + …) again
+(Hairer, Nørsett and Wanner, *Solving Ordinary Differential Equations I*, II.8 and III.9), so the
+same formulas judge it. Rounding errors R of a step grow by at most e^(LT) until T, with the slope
+L of the field. So they change the mean error by at most R e^(LT).
 """
 
 from __future__ import annotations
@@ -56,8 +58,8 @@ from sepv.record import EPS
 from sepv.schemes import Scheme, guarded
 from sepv.simulate import advance, run_chunk
 
-# Step sizes in the problem's unit of time, √2 apart: from 4, where high orders are far above rounding, to
-# 2⁻¹³.
+# Step sizes in the problem's unit of time, √2 apart: from 4, where high orders are far above
+# rounding, to 2⁻¹³.
 RATIO = 2.0**0.5
 SIZES = 4.0 * RATIO ** -np.arange(31.0)
 # Step sizes, in the same unit, that are for consistency alone.
@@ -66,44 +68,47 @@ CONSISTENCY_STEPS = 2.0 ** -np.array([14.0, 15.0, 16.0])
 NEAR_ZERO = 2.0**-4
 # The number of step sizes in a window, which give four slopes and three extrapolations.
 WINDOW = 5
-# Numbers of steps of a path from 0 to T = τ, the problem's unit of time, for a scheme with memory. There
-# LT = 2.
+# Numbers of steps of a path from 0 to T = τ, the problem's unit of time, for a scheme with memory.
+# There LT = 2.
 PATHS, GROWTH = 2 ** np.arange(10), float(np.exp(2.0))
 # Distances of the step sizes of a window in SIZES, for the ratios √2, 2 and 4.
 STRIDES = (1, 2, 4)
 STATES = 3
-# The largest half-widths of an interval that may confirm an order (half of the distance of orders) or refute
-# one.
+# The largest half-widths of an interval that may confirm an order (half of the distance of orders)
+# or refute one.
 WIDEST, REFUTES = 0.5, 0.25
-# A solver's unstated tolerance is relative to y, to y1 − y0 or to a force, so it causes errors proportional
-# to 1 or h. Errors that fall faster than h^TOLERANCE_MAX_POWER do not come from a tolerance, however small
-# they are.
+# A solver's unstated tolerance is relative to y, to y1 − y0 or to a force, so it causes errors
+# proportional to 1 or h. Errors that fall faster than h^TOLERANCE_MAX_POWER do not come from a
+# tolerance, however small they are.
 TOLERANCE_MAX_POWER = 1.5
-# An interval that refutes must contain a whole number or be at most WHOLE_POWER_DISTANCE away from one. Else
-# it shows no power of h.
+# An interval that refutes must contain a whole number or be at most WHOLE_POWER_DISTANCE away from
+# one. Else it shows no power of h.
 WHOLE_POWER_DISTANCE = 0.05
-# Squares of errors must fit a sum of two powers of h up to the relative deviation FIT, at FITTED or more step
-# sizes. Not derived: simulated errors of solvers with an unstated tolerance hardly ever fit as well at as
-# many step sizes.
+# Squares of errors must fit a sum of two powers of h up to the relative deviation FIT, at FITTED or
+# more step sizes. Not derived: simulated errors of solvers with an unstated tolerance hardly ever
+# fit as well at as many step sizes.
 FIT, FITTED = 0.03, 9
 # Larger errors, in units of length, are far from any power of h, and are not used.
 LARGEST_USED_ERROR = 2.0**-4
-# The number of random members of a family of systems that are tested beside the problems with names.
+# The number of random members of a family of systems that are tested beside the problems with
+# names.
 MEMBERS = 2
-# Step sizes h, in the problem's unit of time, that are changed to h(1 ± NUDGE). In 32 bits these are at most
-# a quarter of a unit of the last place apart, in 64 bits millions of such units.
+# Step sizes h, in the problem's unit of time, that are changed to h(1 ± NUDGE). In 32 bits these
+# are at most a quarter of a unit of the last place apart, in 64 bits millions of such units.
 PROBED = 1 / np.array([3.0, 5.0, 7.0, 11.0, 13.0])
 NUDGE = 2.0**-28
-# A step that moves y by MOVES |y| or more must show the change of h by NUDGE, which changes y1 by 2⁻³⁷ |y| or
-# more.
+# A step that moves y by MOVES |y| or more must show the change of h by NUDGE, which changes y1 by
+# 2⁻³⁷ |y| or more.
 MOVES = 2.0**-10
 
 
 @dataclass(frozen=True)
 class Order:
-    """The power p + 1 of h in the errors from one state (in `value` ± `half`), with a verdict and a description.
+    """The power p + 1 of h in the errors from one state (in `value` ± `half`),
+    with a verdict and a description.
 
-    If errors are rounding or show no power, `value` is NaN. If `value` is a lower bound, `half` is NaN.
+    If errors are rounding or show no power, `value` is NaN. If `value` is a lower bound, `half` is
+    NaN.
     """
 
     verdict: Verdict
@@ -122,8 +127,8 @@ def judge(h: Array, e: Array, least: float, rounding: float, floor: float) -> Or
 
     Sizes h fall by factors RATIO.
 
-    Errors below `rounding` are not used. Errors below `floor` refute a power only if they fall faster than
-    h^TOLERANCE_MAX_POWER.
+    Errors below `rounding` are not used. Errors below `floor` refute a power only if they fall
+    faster than h^TOLERANCE_MAX_POWER.
     """
     if e.size and not np.any(e > floor):
         return Order(Verdict.HOLDS, text=f"below {floor:.1e}, which is rounding")
@@ -147,7 +152,9 @@ def judge(h: Array, e: Array, least: float, rounding: float, floor: float) -> Or
 
 
 def _extrapolated(h: Array, e: Array, rounding: float) -> Order:
-    """Estimate the power of h in errors e (WINDOW,) at falling h, extrapolated to h = 0, with its interval."""
+    """Estimate the power of h in errors e (WINDOW,) at falling h, extrapolated to h = 0,
+    with its interval.
+    """
     r = h[0] / h[1]
     s = np.log(e[:-1] / e[1:]) / np.log(r)
     off = rounding * (1 / e[:-1] + 1 / e[1:]) / np.log(r)
@@ -161,12 +168,14 @@ def _extrapolated(h: Array, e: Array, rounding: float) -> Order:
 def _slower(
     h: Array, e: Array, found: Order, last: int, used: int, least: float, rounding: float
 ) -> Order | None:
-    """Return a violation if errors change from a confirmed power of h to a lower power q at finer steps, else None.
+    """Return a violation if errors change from a confirmed power of h to a lower power q at finer
+    steps, else None.
 
-    The error is then |A h^q + C h^(p+1)| with vectors A and C, so that e²/h^(2q) is a polynomial of degree
-    two in h^(p+1−q), where C may vary with h. This must fit all errors far above rounding at the step sizes
-    that confirmed the power (to `last`) and at finer ones, and A must cause most of the two finest errors.
-    Errors by a solver's tolerance do not fit: they scatter, or fall more slowly than h².
+    The error is then |A h^q + C h^(p+1)| with vectors A and C, so that e²/h^(2q) is a polynomial of
+    degree two in h^(p+1−q), where C may vary with h. This must fit all errors far above rounding at
+    the step sizes that confirmed the power (to `last`) and at finer ones, and A must cause most of
+    the two finest errors. Errors by a solver's tolerance do not fit: they scatter, or fall more
+    slowly than h².
     """
     power, fine = round(found.value), slice(max(last - WINDOW + 1, 0), used)
     certain = e[fine] > rounding / (5 * FIT)
@@ -185,10 +194,11 @@ def _slower(
 
 
 def _falls(h: Array, e: Array, used: int, least: float, rounding: float) -> Order | None:
-    """Return "holds" with a lower bound of the power of h: the slope from an error to the first error below `rounding`.
+    """Return "holds" with a lower bound of the power of h:
+    the slope from an error to the first error below `rounding`.
 
-    Of the errors e[:used] above rounding, the one with the largest slope is taken. None if this slope is
-    below `least`.
+    Of the errors e[:used] above rounding, the one with the largest slope is taken. None if this
+    slope is below `least`.
     """
     if not 0 < used < e.size:
         return None
@@ -204,10 +214,11 @@ def _falls(h: Array, e: Array, used: int, least: float, rounding: float) -> Orde
 
 @dataclass(frozen=True)
 class StepErrors:
-    """Errors (S, L) of one step of a problem from S states at L falling step sizes, in the problem's unit of length.
+    """Errors (S, L) of one step of a problem from S states at L falling step sizes,
+    in the problem's unit of length.
 
-    Those of a scheme with memory are mean errors of the steps of a path, whose rounding errors `growth`
-    multiplies.
+    Those of a scheme with memory are mean errors of the steps of a path, whose rounding errors
+    `growth` multiplies.
     """
 
     problem: Problem
@@ -226,7 +237,8 @@ class StepErrors:
 
 
 def path_errors(scheme: Scheme, problem: Problem) -> StepErrors:
-    """Compute the errors at T of paths from STATES states of a problem, divided by their numbers of steps PATHS.
+    """Compute the errors at T of paths from STATES states of a problem,
+    divided by their numbers of steps PATHS.
 
     A step size is used if no path with this step size or a smaller one failed.
     """
@@ -257,10 +269,11 @@ def path_errors(scheme: Scheme, problem: Problem) -> StepErrors:
 
 
 def step_errors(scheme: Scheme, problem: Problem) -> StepErrors:
-    """Compute the errors of one step from STATES states of a problem, against the exact flow, at falling step sizes.
+    """Compute the errors of one step from STATES states of a problem, against the exact flow,
+    at falling step sizes.
 
-    A step size is used if no step of this size or a smaller one failed, and if the exact flow exists for this
-    time. The sizes CONSISTENCY_STEPS are left out if one of them fails.
+    A step size is used if no step of this size or a smaller one failed, and if the exact flow
+    exists for this time. The sizes CONSISTENCY_STEPS are left out if one of them fails.
     """
     units, asked = units_of(problem), guarded(scheme)
     starts = np.array(list(sample_states(problem, units.length))[:STATES]).T
@@ -298,10 +311,10 @@ def step_errors(scheme: Scheme, problem: Problem) -> StepErrors:
 def rounds_step_sizes(scheme: Scheme, problem: Problem) -> float | None:
     """Return a step size h that the scheme rounds to 32 bits or fewer, or None.
 
-    Steps of h(1 − 2⁻²⁸) and h(1 + 2⁻²⁸) must differ by 2⁻²⁷ h|f|, which is far above the rounding of y1. If h
-    is rounded to 24 binary digits, both steps are equal in every digit for seven of eight h. The error of a
-    step is then up to 2⁻²⁴ h|f| for h → 0, which is no order. By its slope it cannot be distinguished from a
-    solver's tolerance.
+    Steps of h(1 − 2⁻²⁸) and h(1 + 2⁻²⁸) must differ by 2⁻²⁷ h|f|, which is far above the rounding
+    of y1. If h is rounded to 24 binary digits, both steps are equal in every digit for seven of
+    eight h. The error of a step is then up to 2⁻²⁴ h|f| for h → 0, which is no order. By its slope
+    it cannot be distinguished from a solver's tolerance.
     """
     if scheme.dtype != "float64" or scheme.solver_tolerance > NUDGE:  # a stated tolerance is as coarse
         return None
@@ -347,7 +360,8 @@ def _inconsistent(at_zero: Limit, judged: Order) -> Order:
 
 
 def quiet_problems(scheme: Scheme) -> tuple[Problem, ...]:
-    """Return problems without noise: those the scheme names and random members of its families, else standard ones.
+    """Return problems without noise: those the scheme names and random members of its families,
+    else standard ones.
 
     If there are no such problems, raise Skipped.
     """
@@ -365,7 +379,9 @@ def quiet_problems(scheme: Scheme) -> tuple[Problem, ...]:
 
 @lru_cache(maxsize=16)
 def _members(family: str) -> tuple[Problem, ...]:
-    """Make MEMBERS random systems of a family, from states of size 1, with a full mass matrix or inertia tensor."""
+    """Make MEMBERS random systems of a family, from states of size 1,
+    with a full mass matrix or inertia tensor.
+    """
     space = items(family)[0].space
     assert space is not None
     where = {"mass": ("full",), "inertia": ("any tensor",)}

@@ -1,7 +1,8 @@
 """Child processes and what watches them: every child has a limit, a last note and an end.
 
-`Child` is a process that answers lines, of this package or another program. `Journal` and `attempted` are its side of
-the watch: results that survive a crash, and notes on what it does. `deadline` interrupts Python code within a process.
+`Child` is a process that answers lines, of this package or another program. `Journal` and
+`attempted` are its side of the watch: results that survive a crash, and notes on what it does.
+`deadline` interrupts Python code within a process.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""A process that says when this one hangs: in a loop of compiled code no thread of Python says anything."""
+"""A process that says when this one hangs: in a loop of compiled code no thread of Python says
+anything.
+"""
 
 from __future__ import annotations
 
@@ -28,10 +30,11 @@ while True:
 
 @contextmanager
 def overheard(seconds: float) -> Iterator[Callable[[], None]]:
-    """A context whose work should take at most `seconds`; the function that it gives begins the next such work.
+    """A context whose work should take at most `seconds`;
+    the function that it gives begins the next such work.
 
-    GRACE seconds after the limit another process writes to stderr what ends this one. Where a process watches already,
-    or none can be started, nothing is done.
+    GRACE seconds after the limit another process writes to stderr what ends this one. Where a
+    process watches already, or none can be started, nothing is done.
     """
     try:
         child = None if os.name != "posix" or current_journal() else Child([sys.executable, "-ISc", _PROGRAM])

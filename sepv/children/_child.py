@@ -1,9 +1,11 @@
-"""A supervised child process: lines in and out with deadlines, its last note, and an end that always comes.
+"""A supervised child process: lines in and out with deadlines, its last note,
+and an end that always comes.
 
-The child leads a process group of its own, so that what it starts ends with it, and Ctrl-C in a terminal reaches the
-parent alone. A message is one line (`packed` makes one of any object). Where the system can (Linux), the child gets
-SIGKILL if its parent dies. `concurrent.futures`, loky and pebble were tried first: they kill single processes and not
-groups, notice no parent's death, and pickle functions, where here programs of other languages are asked too.
+The child leads a process group of its own, so that what it starts ends with it, and Ctrl-C in a
+terminal reaches the parent alone. A message is one line (`packed` makes one of any object). Where
+the system can (Linux), the child gets SIGKILL if its parent dies. `concurrent.futures`, loky and
+pebble were tried first: they kill single processes and not groups, notice no parent's death, and
+pickle functions, where here programs of other languages are asked too.
 """
 
 from __future__ import annotations
@@ -39,7 +41,8 @@ class NoLine(Exception):
 
 
 class Child:
-    """A child process and its pipes. `exchange` sends a line and returns the answer; `end` kills the process group.
+    """A child process and its pipes. `exchange` sends a line and returns the answer;
+    `end` kills the process group.
 
     Parameters
     ----------
@@ -50,9 +53,11 @@ class Child:
     log : bool
         True if the end of stderr is kept in `log`; else the child writes to this process's stderr.
     noted : bool
-        True for a Python process that writes `notes`: the number of an open file becomes its last argument.
+        True for a Python process that writes `notes`: the number of an open file becomes its last
+        argument.
     options
-        Arguments of `subprocess.Popen`, such as cwd. An OSError or ValueError if the program cannot be started.
+        Arguments of `subprocess.Popen`, such as cwd. An OSError or ValueError if the program cannot
+        be started.
     """
 
     def __init__(
@@ -66,7 +71,8 @@ class Child:
                 self.notes = Notes(file.fileno())
                 argv, options = [*argv, str(file.fileno())], options | {"pass_fds": (file.fileno(),)}
             with warnings.catch_warnings():
-                # Python ≥ 3.12 warns of a fork beside threads; before exec only `end_with_parent` runs, without locks.
+                # Python ≥ 3.12 warns of a fork beside threads; before exec only `end_with_parent`
+                # runs, without locks.
                 warnings.simplefilter("ignore", DeprecationWarning)
                 self.process = subprocess.Popen(
                     argv, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE if log else None,
@@ -90,11 +96,14 @@ class Child:
 
     @classmethod
     def of_module(cls, module: str, environment: Mapping[str, str] | None = None, **options: Any) -> Child:
-        """Start a module of this package, in an interpreter that finds what this one finds, in the same order.
+        """Start a module of this package, in an interpreter that finds what this one finds,
+        in the same order.
 
-        Without -P the current folder would stand first, and its ``queue.py`` or ``sepv.py`` would be run.
+        Without -P the current folder would stand first, and its ``queue.py`` or ``sepv.py`` would
+        be run.
         """
-        # The current folder is left out: it comes last on the path of a target, after sepv is imported.
+        # The current folder is left out: it comes last on the path of a target, after sepv is
+        # imported.
         path = os.pathsep.join(p for p in sys.path if p and p != os.getcwd())
         environment = {**os.environ, "PYTHONPATH": path, KEY_NAME: KEY.decode(), **(environment or {})}
         return cls([sys.executable, "-P", "-m", module], env=environment, **options)
@@ -113,23 +122,30 @@ class Child:
             self.pump(left)
 
     def ask(self, message: Any, seconds: float) -> Any:
-        """Send an object to a process of this package and return the one that answers it; raises NoLine."""
+        """Send an object to a process of this package and return the one that answers it;
+        raises NoLine.
+        """
         deadline, line = time.monotonic() + seconds, packed(message)
         while (answer := unpacked(self.exchange(line, deadline - time.monotonic()))) is None:
             line = b""
         return answer
 
     def send(self, message: bytes) -> None:
-        """Begin to send a message after those before; `pump` sends what the pipe does not take at once."""
+        """Begin to send a message after those before; `pump` sends what the pipe does not take at
+        once.
+        """
         self.unsent = memoryview(bytes(self.unsent) + message)
         self._write()
         if self.unsent:
             self.selector.register(self.stdin, selectors.EVENT_WRITE, "stdin")
 
     def line(self) -> bytes | None:
-        """The next received line, without its end; None if none is complete. Raises NoLine for a line too long."""
+        """The next received line, without its end; None if none is complete.
+        Raises NoLine for a line too long.
+        """
         end = self.received.find(b"\n")
-        # Before the whole message is sent, all output is limited, because a child may print and never read.
+        # Before the whole message is sent, all output is limited, because a child may print and
+        # never read.
         if (len(self.received) - 1 if end < 0 or self.unsent else end) > self.limit:
             raise NoLine("long")
         if end < 0 or self.unsent:
@@ -139,7 +155,9 @@ class Child:
         return line
 
     def pump(self, seconds: float = 0.0) -> None:
-        """Wait at most `seconds` until the pipes are ready, then read and write what they hold and take."""
+        """Wait at most `seconds` until the pipes are ready,
+        then read and write what they hold and take.
+        """
         for key, _ in self.selector.select(seconds):
             {"stdin": self._write, "stdout": self._read, "stderr": self.drain}[key.data]()
 
@@ -173,7 +191,8 @@ class Child:
     def status(self, seconds: float) -> str | None:
         """Describe how the child ended, or return None if it still runs after `seconds`.
 
-        The process is not reaped (waited for) here, so that no other process group can get its number.
+        The process is not reaped (waited for) here, so that no other process group can get its
+        number.
         """
         deadline = time.monotonic() + seconds
         while (ended := self._exit_code()) is None and time.monotonic() < deadline:
@@ -181,7 +200,9 @@ class Child:
         return None if ended is None else ended_with(ended)
 
     def _exit_code(self) -> int | None:
-        """Return the exit code like `Popen.poll`, without reaping the process (which frees its number) if possible."""
+        """Return the exit code like `Popen.poll`, without reaping the process (which frees its
+        number) if possible.
+        """
         if not hasattr(os, "waitid") or self.process.returncode is not None:
             return self.process.poll()
         try:
@@ -207,7 +228,9 @@ class Child:
             self.end()
 
     def ask_to_end(self) -> None:
-        """Send SIGTERM to the group; a stopped process takes it when it goes on, so `end` follows."""
+        """Send SIGTERM to the group; a stopped process takes it when it goes on, so `end`
+        follows.
+        """
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self.process.pid, signal.SIGTERM)
 
@@ -217,7 +240,9 @@ class Child:
 
 
 def pump_all(children: Iterable[Child], seconds: float) -> None:
-    """Wait at most `seconds` until a pipe of one of the children is ready, and serve those that are."""
+    """Wait at most `seconds` until a pipe of one of the children is ready,
+    and serve those that are.
+    """
     with selectors.DefaultSelector() as ready:
         for child in children:
             ready.register(child.selector, selectors.EVENT_READ, child)
@@ -240,7 +265,9 @@ def _kill(process: subprocess.Popen[bytes], selector: selectors.BaseSelector, ow
 
 
 def kill_tree(pid: int) -> None:
-    """Kill a process and, on Linux, all its descendants, which may have left its group; nothing is reaped."""
+    """Kill a process and, on Linux, all its descendants, which may have left its group;
+    nothing is reaped.
+    """
     for number in (signal.SIGSTOP, signal.SIGKILL):  # what is stopped starts no further process meanwhile
         for found in _tree(pid) if number == signal.SIGSTOP else [*_tree(pid)][::-1]:
             with suppress(ProcessLookupError, PermissionError):
@@ -260,7 +287,8 @@ def _tree(pid: int) -> Iterable[int]:
 def _before_exec() -> Callable[[], None] | None:
     """The function that a new process calls first; None where no signal tells a parent's death.
 
-    The signal comes at the end of the *thread* that started the process, so only the main thread asks for it.
+    The signal comes at the end of the *thread* that started the process, so only the main thread
+    asks for it.
     """
     if not told_by_signal() or threading.current_thread() is not threading.main_thread():
         return None

@@ -19,16 +19,20 @@ COPY = 71
 
 
 class TimedOut(BaseException):
-    """Raised in a scheme that does not return. Not an Exception, so that no handler in the scheme catches it."""
+    """Raised in a scheme that does not return. Not an Exception,
+    so that no handler in the scheme catches it.
+    """
 
 
 @contextmanager
 def deadline(seconds: float) -> Iterator[None]:
-    """Raise `TimedOut` in a block that runs longer than `seconds`, and again each second until it ends.
+    """Raise `TimedOut` in a block that runs longer than `seconds`,
+    and again each second until it ends.
 
-    It interrupts Python code: in the main thread of a POSIX system also a call that waits, in other threads at the next
-    line. It does not end a loop in compiled code, nor a block that catches every exception. Processes that measure for
-    others have a second limit, which kills (`Limit`); of others another process says what to do (`overheard`).
+    It interrupts Python code: in the main thread of a POSIX system also a call that waits, in other
+    threads at the next line. It does not end a loop in compiled code, nor a block that catches
+    every exception. Processes that measure for others have a second limit, which kills (`Limit`);
+    of others another process says what to do (`overheard`).
     """
     main = threading.current_thread() is threading.main_thread()
     with (_by_signal if main and hasattr(signal, "setitimer") else _by_thread)(seconds):
@@ -89,7 +93,8 @@ def _shared() -> mmap:
 
 @contextmanager
 def one_process() -> Iterator[None]:
-    """A context for calls of a scheme: if the scheme forks, and its copy of this process comes back too, the copy ends.
+    """A context for calls of a scheme: if the scheme forks,
+    and its copy of this process comes back too, the copy ends.
 
     A copy would go on as a second run. `returned_twice` then says so to the process itself.
     """

@@ -1,9 +1,10 @@
-"""Messages from a process to its watcher, so that finished results survive a crash and the crash is described.
+"""Messages from a process to its watcher, so that finished results survive a crash and the crash is
+described.
 
-A command of ``sepv`` runs in a child process; its parent is the watcher (`sepv.commands._watch`). The work of a run is
-divided into pieces, one for each law measured; a text, the key, names a piece. Each result is sent to the watcher, so
-that after a crash, or after a kill at a piece's time limit, a new process measures the remaining laws. Without a
-watcher no message is sent.
+A command of ``sepv`` runs in a child process; its parent is the watcher (`sepv.commands._watch`).
+The work of a run is divided into pieces, one for each law measured; a text, the key, names a piece.
+Each result is sent to the watcher, so that after a crash, or after a kill at a piece's time limit,
+a new process measures the remaining laws. Without a watcher no message is sent.
 """
 
 from __future__ import annotations
@@ -40,11 +41,12 @@ def packed(message: Any) -> bytes:
 
 
 def unpacked(line: bytes) -> Any:
-    """The object of a line of `packed`, without its end; None for another line, which goes to stderr.
+    """The object of a line of `packed`, without its end; None for another line,
+    which goes to stderr.
 
-    A scheme's code, or what an interpreter runs as it starts, may write into a pipe of this package.
-    Only a line with the key is unpickled, as a pickle can call any function. Text before the key is
-    another's, and was not ended.
+    A scheme's code, or what an interpreter runs as it starts, may write into a pipe of this
+    package. Only a line with the key is unpickled, as a pickle can call any function. Text before
+    the key is another's, and was not ended.
     """
     before, key, rest = line.rpartition(KEY)
     data = rest[8:] + b"\n"
@@ -55,13 +57,16 @@ def unpacked(line: bytes) -> Any:
     return pickle.loads(a2b_base64(data)) if whole else None
 
 
-# The size of the shared memory in bytes, and how many of these bytes hold the length of the note that follows.
+# The size of the shared memory in bytes, and how many of these bytes hold the length of the note
+# that follows.
 BYTES, _SIZE = 1 << 20, 4
 
-# The number of new objects after which Python searches for cycles of objects, chosen for the speed of `sepv verify`.
+# The number of new objects after which Python searches for cycles of objects, chosen for the speed
+# of `sepv verify`.
 OBJECTS = 5000
 
-# Seconds after a time limit until the process that watches kills: a step that can be interrupted has then ended.
+# Seconds after a time limit until the process that watches kills: a step that can be interrupted
+# has then ended.
 GRACE = 5.0
 # The longest time between two looks at the clock.
 TICK = 0.5
@@ -82,7 +87,8 @@ class Message:
 class Limit:
     """A time limit that another process enforces, in seconds in which that process ran.
 
-    While the whole job is stopped (Ctrl-Z, or a laptop asleep), no time passes: a look counts at most two ticks.
+    While the whole job is stopped (Ctrl-Z, or a laptop asleep), no time passes: a look counts at
+    most two ticks.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -105,11 +111,12 @@ def out_of_time(seconds: float) -> str:
 
 
 class Crashed(Exception):
-    """The work crashed its process, or was killed with it at a time limit; `status` says so, after "the process".
+    """The work crashed its process, or was killed with it at a time limit; `status` says so,
+    after "the process".
 
-    `late` is True for a kill at a time limit.
-    `note` is what the process noted last: an input as JSON, or a step of the scheme in words; None if it noted nothing.
-    `violated` is an earlier input, as JSON, that violated the law, or None.
+    `late` is True for a kill at a time limit. `note` is what the process noted last: an input as
+    JSON, or a step of the scheme in words; None if it noted nothing. `violated` is an earlier
+    input, as JSON, that violated the law, or None.
     """
 
     def __init__(self, status: str, note: bytes = b"") -> None:
@@ -122,7 +129,9 @@ class Crashed(Exception):
 
 
 class Notes:
-    """The note on what a process does now, in memory that it shares with its watcher, so that it survives a crash."""
+    """The note on what a process does now, in memory that it shares with its watcher,
+    so that it survives a crash.
+    """
 
     def __init__(self, file: int = -1) -> None:
         self.memory = mmap(file, BYTES)
@@ -142,7 +151,8 @@ class Notes:
 class Journal:
     """The connection of a process to its watcher: a channel for messages, and a place for notes.
 
-    `results` and `crashes` hold the results and crashes of earlier processes of the run, by the key of the work.
+    `results` and `crashes` hold the results and crashes of earlier processes of the run, by the key
+    of the work.
     """
 
     send: Callable[[str, Any], None]
@@ -170,9 +180,11 @@ def current_journal() -> Journal | None:
 
 
 def attempted(key: str, work: Callable[[], T], *, kept: bool = True, seconds: float = math.inf) -> T:
-    """Do the work with this key and return its result. If `kept`, the result is pickled, and computed once in a run.
+    """Do the work with this key and return its result. If `kept`, the result is pickled,
+    and computed once in a run.
 
-    `seconds` is the work's own time limit. GRACE seconds later the watcher kills a process that does not keep it.
+    `seconds` is the work's own time limit. GRACE seconds later the watcher kills a process that
+    does not keep it.
 
     Raises
     ------
@@ -200,7 +212,9 @@ def attempted(key: str, work: Callable[[], T], *, kept: bool = True, seconds: fl
 
 
 def note_case(case: Callable[[], dict[str, Any]]) -> None:
-    """Note the current case, one input to a law, so that the watcher can report it if it crashes this process."""
+    """Note the current case, one input to a law, so that the watcher can report it if it crashes
+    this process.
+    """
     journal = _journal.get()
     if journal is not None:
         journal.cases, journal.since = journal.cases + 1, time.monotonic()
@@ -208,28 +222,36 @@ def note_case(case: Callable[[], dict[str, Any]]) -> None:
 
 
 def note_violation(case: Callable[[], dict[str, Any]]) -> None:
-    """Note an input that violates the current law, so that a later crash does not hide the violation."""
+    """Note an input that violates the current law, so that a later crash does not hide the
+    violation.
+    """
     journal = _journal.get()
     if journal is not None:
         journal.violated = case()
 
 
 def note_step(step: Callable[[], str]) -> None:
-    """Note the current step in words, in case it crashes; ignored once the current measurement has noted an input."""
+    """Note the current step in words, in case it crashes;
+    ignored once the current measurement has noted an input.
+    """
     journal = _journal.get()
     if journal is not None and not journal.cases:
         journal.notes.put(pickle.dumps((step(), None)))
 
 
 def command_started() -> None:
-    """Tell the watcher that all is imported: what crashes the process from now on is the scheme, or a library of it."""
+    """Tell the watcher that all is imported: what crashes the process from now on is the scheme,
+    or a library of it.
+    """
     journal = _journal.get()
     if journal is not None:
         journal.send(Message.STARTED, None)
 
 
 def interruption_answered() -> None:
-    """Tell the watcher that this process saw Ctrl-C and will end by itself; further Ctrl-C are ignored."""
+    """Tell the watcher that this process saw Ctrl-C and will end by itself;
+    further Ctrl-C are ignored.
+    """
     journal = _journal.get()
     if journal is not None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -237,7 +259,9 @@ def interruption_answered() -> None:
 
 
 def ended_with(returncode: int) -> str:
-    """Describe how a process ended, from its return code in `subprocess`: signal SIGSEGV, exit code 9."""
+    """Describe how a process ended, from its return code in `subprocess`: signal SIGSEGV,
+    exit code 9.
+    """
     if returncode >= 0:
         return f"exit code {returncode}"
     known = next((s.name for s in signal.Signals if s == -returncode), str(-returncode))

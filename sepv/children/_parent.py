@@ -1,4 +1,6 @@
-"""The end of a process whose parent has ended, also in a loop of compiled code, in which no thread of Python runs."""
+"""The end of a process whose parent has ended, also in a loop of compiled code,
+in which no thread of Python runs.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ LOOK = 1.0
 
 
 def end_with_parent(parent: int) -> None:
-    """End this process when the process `parent` ends, at once if it has: on Linux by SIGKILL, else by a thread."""
+    """End this process when the process `parent` ends, at once if it has: on Linux by SIGKILL,
+    else by a thread.
+    """
     if told_by_signal():
         _prctl()(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
         if os.getppid() != parent:

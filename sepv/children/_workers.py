@@ -6,14 +6,16 @@ import os
 
 from sepv.children._child import Child
 
-# The largest number of processes that is chosen here. With more, the longest group of laws determines the
-# time.
+# The largest number of processes that is chosen here. With more, the longest group of laws
+# determines the time.
 WORKERS_MAX = 4
 _WAITING: dict[str, list[Child]] = {}
 
 
 def cores() -> int:
-    """The number of processors to use here, at most WORKERS_MAX; 1 where processes cannot inherit a file."""
+    """The number of processors to use here, at most WORKERS_MAX;
+    1 where processes cannot inherit a file.
+    """
     if os.name != "posix":
         return 1
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -21,7 +23,9 @@ def cores() -> int:
 
 
 def start_ahead(module: str, count: int) -> None:
-    """Start interpreters that run a module and that `take` will return. Without a task they end with this process."""
+    """Start interpreters that run a module and that `take` will return.
+    Without a task they end with this process.
+    """
     _WAITING.setdefault(module, []).extend(Child.of_module(module, noted=True) for _ in range(count))
 
 

@@ -1,4 +1,5 @@
-"""The commands of ``sepv``, one in each file. `_cli` loads the command that is called; `_shared` has common parts.
+"""The commands of ``sepv``, one in each file. `_cli` loads the command that is called;
+`_shared` has common parts.
 
 `main` is the program: it runs `_cli.main` in a child process and watches this process (`_watch`).
 """
@@ -17,7 +18,8 @@ def main() -> None:
     # Ctrl-C is held back until a process can answer it.
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-        # Nothing answers Ctrl-C while Python shuts down, so it is held back; all output is written by then.
+        # Nothing answers Ctrl-C while Python shuts down, so it is held back; all output is written
+        # by then.
         atexit.register(signal.pthread_sigmask, signal.SIG_BLOCK, [signal.SIGINT])
     from sepv.children import command_started
     from sepv.commands._watch import DEFECT, defect, watched
@@ -42,7 +44,9 @@ def main() -> None:
 
 
 def _require_streams() -> None:
-    """Raise an OSError if stdout or stderr is closed, because nobody reads the verdict. A closed stdin is empty."""
+    """Raise an OSError if stdout or stderr is closed, because nobody reads the verdict.
+    A closed stdin is empty.
+    """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         try:
             os.fstat(number)

@@ -41,10 +41,12 @@ def bench(
     targets: cli.Names, programs: cli.Names, problems: cli.Names, save: str | None, against: str | None,
     against_ref: str | None, names: cli.Names, portable: bool, batches: int, quiet: bool,
 ) -> None:  # fmt: skip
-    """Compare work, error and invariant defects of TARGETs on fixed problems with a file or another checkout.
+    """Compare work, error and invariant defects of TARGETs on fixed problems with a file or another
+    checkout.
 
-    Counters of work are exact integers, and an increase by one is a regression. Errors are compared over the same
-    paths, with an interval of their ratio. Time is compared only with another checkout, in runs that take turns.
+    Counters of work are exact integers, and an increase by one is a regression. Errors are compared
+    over the same paths, with an interval of their ratio. Time is compared only with another
+    checkout, in runs that take turns.
 
     \b
     sepv bench mymodule:step --save counters.json
@@ -95,7 +97,9 @@ def bench(
 def _beside(
     target: str, checkout: str, chosen: list[Case], batches: int, say: Callable[[str, float], None]
 ) -> tuple[dict[str, Any], list[Any]]:
-    """Measure a target in this checkout and another; return this one's record, and its comparison with the other's."""
+    """Measure a target in this checkout and another; return this one's record,
+    and its comparison with the other's.
+    """
     from sepv.studies import bench_pairs as pairs
     from sepv.studies import check_bench as check
 
@@ -116,7 +120,8 @@ def _alone(
     names: cli.Names,
     problems: cli.Names,
 ) -> tuple[dict[str, Any], list[Any]]:
-    """Measure a target in this checkout alone; return its record, and its comparison with `before`, an earlier record.
+    """Measure a target in this checkout alone; return its record, and its comparison with `before`,
+    an earlier record.
 
     If there is an earlier record, its cases are measured instead of `chosen`.
     """
@@ -135,7 +140,9 @@ def _alone(
 
 
 def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> None:
-    """Print tables of the records, then each difference found by the comparison, and the counts of differences."""
+    """Print tables of the records, then each difference found by the comparison,
+    and the counts of differences.
+    """
     from rich.text import Text
 
     from sepv.console import console

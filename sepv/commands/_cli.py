@@ -17,7 +17,8 @@ from sepv.commands._shared import EXIT_CODES, WORDS, interruptible
 from sepv.console import cannot_show, never_fail
 from sepv.files import cache_folder
 
-# The commands by heading, in the order of --help: each name is that of its module in `sepv.commands`.
+# The commands by heading, in the order of --help: each name is that of its module in
+# `sepv.commands`.
 GROUPS = {
     "Commands": (
         "verify",
@@ -52,7 +53,9 @@ class _Commands(click.Group):
         return context
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Invoke as click does; Ctrl-C has the same effect while a command is imported as while it works."""
+        """Invoke as click does; Ctrl-C has the same effect while a command is imported as while it
+        works.
+        """
         with interruptible():
             return super().invoke(ctx)
 
@@ -90,7 +93,8 @@ class _Commands(click.Group):
 @click.group(cls=_Commands, context_settings=_SETTINGS, epilog=EXIT_CODES)
 @click.version_option(__version__, prog_name="sepv")
 def main() -> None:
-    """Test which structural properties an integrator for dy = B(y)∇H(y)(dt + Σ c_j∘dW_j) really has.
+    """Test which structural properties an integrator for dy = B(y)∇H(y)(dt + Σ c_j∘dW_j)
+    really has.
 
     \b
     sepv verify energy-preserving            a built-in scheme
@@ -101,7 +105,8 @@ def main() -> None:
     sepv completion bash                     completion for your shell
     """
     collect_seldom()
-    # Hypothesis stores a small cache in a directory, which by default is in the user's current folder.
+    # Hypothesis stores a small cache in a directory, which by default is in the user's current
+    # folder.
     if "HYPOTHESIS_STORAGE_DIRECTORY" not in os.environ:
         os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = str(cache_folder("hypothesis"))
 

@@ -19,8 +19,9 @@ from sepv.files import write_atomically
 if TYPE_CHECKING:
     from sepv.studies import Comparison
 
-# The largest default number of steps. There are at most five, each twice the one before. The smallest makes the step to
-# T = 1 a quarter of the longest step that the problem states, or 1/8 if it states none.
+# The largest default number of steps. There are at most five, each twice the one before. The
+# smallest makes the step to T = 1 a quarter of the longest step that the problem states, or 1/8 if
+# it states none.
 MOST_STEPS = 1024
 
 
@@ -56,21 +57,22 @@ def compare(
 ) -> None:
     """Error, invariant defects, time and work of SCHEMEs, on the same paths.
 
-    A SCHEME is a built-in name, module:attribute, exact-flow (the exact solution at θ), or a peer, a solver of another
-    library, such as diffrax-heun. The compiled engine (extra fast) runs the schemes that it supports; numpy/SCHEME is
-    the NumPy batch of a scheme. Errors are against the exact solution, at the random time θ = t + Σ c_j W_j. For
-    timing, methods take turns on one core and get the same increments; compilation is shown apart.
+    A SCHEME is a built-in name, module:attribute, exact-flow (the exact solution at θ), or a peer,
+    a solver of another library, such as diffrax-heun. The compiled engine (extra fast) runs the
+    schemes that it supports; numpy/SCHEME is the NumPy batch of a scheme. Errors are against the
+    exact solution, at the random time θ = t + Σ c_j W_j. For timing, methods take turns on one core
+    and get the same increments; compilation is shown apart.
 
-    With --no-noise, or if a scheme is only for systems without noise, one path is computed without noise, and the
-    table has the time to an error at T and to an energy error.
+    With --no-noise, or if a scheme is only for systems without noise, one path is computed without
+    noise, and the table has the time to an error at T and to an energy error.
 
     \b
     sepv compare energy-preserving midpoint euler-heun exact-flow
     sepv compare leapfrog yoshida-4 -p henon-heiles --no-noise --time 100
     sepv compare mymodule:step --problem pendulum --picture cost.svg
 
-    A scheme that does not exist ends the command before anything is timed. One that fails is left out and named at the
-    end. The exit code is 3 in both cases.
+    A scheme that does not exist ends the command before anything is timed. One that fails is left
+    out and named at the end. The exit code is 3 in both cases.
     """
     from sepv.console import showing
     from sepv.law import quiet_problem
@@ -122,7 +124,9 @@ def compare(
 
 
 def _show(comparison: Comparison, *, alone: bool, quiet: bool) -> None:
-    """Print a comparison: a table of all points, a table of the times to given errors, and notes."""
+    """Print a comparison: a table of all points, a table of the times to given errors, and
+    notes.
+    """
     from sepv.console import console
     from sepv.studies import comparison_table as table
 
@@ -141,7 +145,9 @@ def _show(comparison: Comparison, *, alone: bool, quiet: bool) -> None:
 
 
 def _peers() -> list[str]:
-    """The names of whole-path solvers in the other libraries that are installed, such as diffrax-heun."""
+    """The names of whole-path solvers in the other libraries that are installed,
+    such as diffrax-heun.
+    """
     from sepv.peers.peer import installed
 
     return [f"{peer.library}-{name}" for peer in installed() for name in peer.drivers()]

@@ -17,11 +17,13 @@ from sepv.commands._shared import friendly
 @click.option("--certify", is_flag=True, help="Enclose the result in balls (needs python-flint).")
 @friendly
 def exact(problem: str, theta: str, state: str | None, digits: int, certify: bool) -> None:
-    """The exact solution of PROBLEM (a name, a .json file of polynomial data, or module:attribute) at random time θ.
+    """The exact solution of PROBLEM (a name, a .json file of polynomial data, or module:attribute)
+    at random time θ.
 
-    It is computed by Taylor series in extended precision, and shown beside the closed form, if there is one, and
-    beside the float64 result with its error. For a problem of Python functions, which have no digits beyond float64,
-    the float64 result is shown with a bound of its error. Numbers of the command are rounded to binary64.
+    It is computed by Taylor series in extended precision, and shown beside the closed form, if
+    there is one, and beside the float64 result with its error. For a problem of Python functions,
+    which have no digits beyond float64, the float64 result is shown with a bound of its error.
+    Numbers of the command are rounded to binary64.
 
     \b
     sepv exact rigid-body --theta 8 --digits 50

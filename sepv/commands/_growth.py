@@ -31,12 +31,13 @@ def growth(
 ) -> None:  # fmt: skip
     """The mean E[H(y_n)] − H(y0) and the rms of H(y_n) − H(y0) against time, and how they grow.
 
-    The rms is called at rounding, bounded, a random walk (growth like √t), linear or faster, if its 99.9 % confidence
-    interval decides. The mean drifts if its interval excludes 0. For symplectic schemes with one degree of freedom,
-    values by theory are shown too: with random steps, the energy error of such a scheme walks and drifts.
+    The rms is called at rounding, bounded, a random walk (growth like √t), linear or faster, if its
+    99.9 % confidence interval decides. The mean drifts if its interval excludes 0. For symplectic
+    schemes with one degree of freedom, values by theory are shown too: with random steps, the
+    energy error of such a scheme walks and drifts.
 
-    With --no-noise, or if a scheme or the problem has no noise, one path is computed with h and with h/2. A trend
-    of its mean energy is judged as by the law long-time-energy.
+    With --no-noise, or if a scheme or the problem has no noise, one path is computed with h and
+    with h/2. A trend of its mean energy is judged as by the law long-time-energy.
 
     \b
     sepv growth                                           the paper's schemes
@@ -93,7 +94,9 @@ def growth(
 
 
 def _table(rows: list[Any]) -> Table:
-    """The table of mean and rms of the energy error at times T/16, T/4 and T, with values by theory if known."""
+    """The table of mean and rms of the energy error at times T/16, T/4 and T,
+    with values by theory if known.
+    """
     cells, has_theory = [], any(row.derived and row.kind != "rounding" for row in rows)
     for row in rows:
         for n in (-5, -3, -1):

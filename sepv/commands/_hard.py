@@ -35,10 +35,11 @@ def hard(
     target: str | None, programs: cli.Names, problems: cli.Names, names: cli.Names, steps: int, laws: int, seed: int,
     explain: bool, json_file: str | None, quiet: bool,
 ) -> None:  # fmt: skip
-    """Take random steps of the hard cases, where schemes break: each must be solved to its bound, or refused.
+    """Take random steps of the hard cases, where schemes break: each must be solved to its bound,
+    or refused.
 
-    TARGET is a built-in scheme or module:attribute. Exit code 0 if every step of every case ends as the
-    case allows, else 1.
+    TARGET is a built-in scheme or module:attribute. Exit code 0 if every step of every case ends as
+    the case allows, else 1.
 
     \b
     sepv hard                             all cases with energy-preserving
@@ -81,7 +82,9 @@ def hard(
 
 
 def _table(name: str, seen: Sequence[Seen]) -> Table:
-    """The table of cases for the scheme called `name`: how steps ended, errors of H, iterations, and laws held."""
+    """The table of cases for the scheme called `name`: how steps ended, errors of H, iterations,
+    and laws held.
+    """
     import numpy as np
     from rich.text import Text
 
@@ -112,7 +115,9 @@ def _endings(seen: Seen) -> str:
 
 
 def _complaint(target: str, seen: Seen) -> str:
-    """The message on a case with unexpected results: counts, the worst step, and the command that replays this step."""
+    """The message on a case with unexpected results: counts, the worst step,
+    and the command that replays this step.
+    """
     from sepv.law.cases import case as cases
 
     lines = [f"{seen.case.name}: expected {seen.case.expected}; seen {_endings(seen)}"]

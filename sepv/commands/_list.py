@@ -17,13 +17,15 @@ from sepv.errors import UsageError
 @click.argument("words", nargs=-1, metavar="[NAME]...")
 @friendly
 def list_(words: tuple[str, ...]) -> None:
-    """Schemes, problems and laws: the names that the other commands take; with NAMEs, the rows that contain them all.
+    """Schemes, problems and laws: the names that the other commands take; with NAMEs,
+    the rows that contain them all.
 
     \b
     sepv list
     sepv list energy
 
-    sepv hard --explain lists the hard cases with their reasons; docs/teeth.md lists the saboteurs, schemes with faults.
+    sepv hard --explain lists the hard cases with their reasons; docs/teeth.md lists the saboteurs,
+    schemes with faults.
     """
     from sepv import problems, schemes
     from sepv.console import console
@@ -50,7 +52,8 @@ def list_(words: tuple[str, ...]) -> None:
         if not shown:
             continue
         found = True
-        # On a narrow terminal the statement of a law is shown, and the description of a scheme or problem.
+        # On a narrow terminal the statement of a law is shown, and the description of a scheme or
+        # problem.
         goes = ["order", "d, m", "source"] if title == "Laws" else []
         heads = columns(heading[:1]) + columns(heading[1:], words=True, goes=goes)
         print_table(Table(heads, shown, title), out)
@@ -65,9 +68,11 @@ def list_(words: tuple[str, ...]) -> None:
 
 
 def _problem_rows(factories: dict[str, Any], modules: list[str]) -> list[tuple[str, str, str]]:
-    """The rows of a table of problems, described by the first paragraph of the docstring of a problem's file or function.
+    """The rows of a table of problems, described by the first paragraph of the docstring of a
+    problem's file or function.
 
-    `modules` lists the file of each problem. The docstring of a file with several problems describes none of them.
+    `modules` lists the file of each problem. The docstring of a file with several problems
+    describes none of them.
     """
     rows = []
     for name, factory in factories.items():

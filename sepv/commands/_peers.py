@@ -11,14 +11,16 @@ from sepv.console import Table, columns, print_table
 @click.command(short_help="Solvers of other libraries, by name.")
 @friendly
 def peers() -> None:
-    """Show the libraries whose solvers sepv can name, and the solvers' names if the library is installed.
+    """Show the libraries whose solvers sepv can name, and the solvers' names if the library is
+    installed.
 
     \b
     sepv peers
     sepv verify sdeint-strat-heun
     sepv compare energy-preserving diffrax-heun
 
-    A package adds its own library by an entry point of the group sepv.peers (docs/maintainers.md, point 6).
+    A package adds its own library by an entry point of the group sepv.peers (docs/maintainers.md,
+    point 6).
     """
     from sepv.console import console
     from sepv.peers.peer import installed, names

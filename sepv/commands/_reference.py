@@ -1,4 +1,6 @@
-"""Parts that ``sepv exact`` and ``sepv step`` share: numbers of the command line, a problem's data, digits as text."""
+"""Parts that ``sepv exact`` and ``sepv step`` share: numbers of the command line, a problem's data,
+digits as text.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ from sepv.problem import NamedProblem, PolynomialSystem, Problem
 
 
 def numbers(text: str | None, option: str, count: int, default: Any = None) -> tuple[float, ...]:
-    """Read the `count` finite numbers of an option such as --y "0.8,0.6,0x1p-3"; for text None return `default`."""
+    """Read the `count` finite numbers of an option such as --y "0.8,0.6,0x1p-3";
+    for text None return `default`.
+    """
     if text is None and default is not None:
         return tuple(float(v) for v in default)
     parts = [p.strip() for p in (text or "").split(",") if p.strip()]
@@ -32,7 +36,9 @@ def numbers(text: str | None, option: str, count: int, default: Any = None) -> t
 
 
 def description(problem: Problem) -> PolynomialSystem | NamedProblem:
-    """The problem as data (a name or polynomials), from which exact steps and flows are computed with many digits."""
+    """The problem as data (a name or polynomials), from which exact steps and flows are computed
+    with many digits.
+    """
     if problem.data is None:
         raise UsageError(
             expected="a problem by name, or polynomial data (a .json file)",

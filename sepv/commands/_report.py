@@ -23,10 +23,11 @@ def report(files: Names, out: str, title: str | None, asv: str | None, quiet: bo
 
     `sepv verify --html` makes the page of one scheme directly.
 
-    Of two reports about one scheme, before and after a change, the page and the terminal show what changed.
+    Of two reports about one scheme, before and after a change, the page and the terminal show what
+    changed.
 
-    The page needs no network and no JavaScript. It can be printed, and it follows the reader's light or dark theme.
-    matplotlib (extra plots) draws the pictures of compare and reproduce.
+    The page needs no network and no JavaScript. It can be printed, and it follows the reader's
+    light or dark theme. matplotlib (extra plots) draws the pictures of compare and reproduce.
 
     \b
     sepv verify energy-preserving --json ep.json

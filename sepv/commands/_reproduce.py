@@ -34,9 +34,10 @@ QUICK = 1 / 32
 def reproduce(figures: cli.Names, out: str | None, json_file: str | None, **options: Any) -> None:
     """The paper's Figures 4.1 to 4.6, computed again, with a verdict on each statement about them.
 
-    FIGURE is one of 4.1 to 4.6, "theory" for the statements of §2, §3 and the remarks, or "text" for formulas and
-    arguments that do not hold as printed. Errors are measured against exact solutions. A statement that fails is a
-    finding about the paper, so it does not change the exit code.
+    FIGURE is one of 4.1 to 4.6, "theory" for the statements of §2, §3 and the remarks, or "text"
+    for formulas and arguments that do not hold as printed. Errors are measured against exact
+    solutions. A statement that fails is a finding about the paper, so it does not change the exit
+    code.
 
     \b
     sepv reproduce                      everything, about four minutes
@@ -87,7 +88,8 @@ def _errata() -> None:
 def _folder(out: str | None, *, draws: bool) -> Path | None:
     """Make the folder for the output before anything is computed; None if the option is left out.
 
-    Raises a UsageError if the folder cannot be made, or if pictures are to be drawn and matplotlib is missing.
+    Raises a UsageError if the folder cannot be made, or if pictures are to be drawn and matplotlib
+    is missing.
     """
     if out is None:
         return None

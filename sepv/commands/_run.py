@@ -41,7 +41,8 @@ def run(
     scheme: str | None, problem: str, programs: cli.Names, h: float, steps: float, seed: int, every: float | None,
     compensated: bool, increments: str | None, engine: str, json_file: str | None, quiet: bool,
 ) -> None:  # fmt: skip
-    """One path of SCHEME over many steps: its end state, the defects of its invariants, its time and work.
+    """One path of SCHEME over many steps: its end state, the defects of its invariants,
+    its time and work.
 
     \b
     sepv run energy-preserving --steps 1e8 --compensated
@@ -95,7 +96,8 @@ def run(
         )
 
 
-# The words for each status of a step of a scheme without a solver of sepv; such a solver would say more.
+# The words for each status of a step of a scheme without a solver of sepv; such a solver would say
+# more.
 _UNCOUNTED = {
     "NO_CONVERGENCE": "the scheme refused it",
     "OVERFLOW": "its answer, or B or ∇H there, is not finite",
@@ -104,7 +106,9 @@ _UNCOUNTED = {
 
 
 def _remembering(step: Callable[..., Any], remarks: list[str]) -> Callable[..., Any]:
-    """Wrap a step: `remarks` then holds its last exception in words, which the status of a path does not contain."""
+    """Wrap a step: `remarks` then holds its last exception in words,
+    which the status of a path does not contain.
+    """
 
     def remembered(problem: Any, y: Any, h: float, dW: Any) -> Any:
         try:
@@ -117,7 +121,9 @@ def _remembering(step: Callable[..., Any], remarks: list[str]) -> Callable[..., 
 
 
 def _whole(name: str, value: float) -> int:
-    """The value of an option that takes a number such as 1e8, as an int; a UsageError if it is no whole number ≥ 1."""
+    """The value of an option that takes a number such as 1e8, as an int;
+    a UsageError if it is no whole number ≥ 1.
+    """
     if not (1 <= value < 2**62) or value != int(value):
         raise UsageError(
             expected=f"--{name}, a whole number ≥ 1", received=f"{value!r}", remedy="such as 1e6"
@@ -126,7 +132,9 @@ def _whole(name: str, value: float) -> int:
 
 
 def _show(scheme: str, problem: str, path: Any, quiet: bool, *, counted: bool, casimirs: bool) -> None:
-    """Print the path: its end, its defects, its time, and its iterations if the solver has `counted` them."""
+    """Print the path: its end, its defects, its time, and its iterations if the solver has
+    `counted` them.
+    """
     from sepv.console import console
 
     unit = 2.0**-52 * max(path.steps, 1) ** 0.5

@@ -25,7 +25,8 @@ EXIT_CODES = """Exit codes: 0 all claimed laws hold; 1 a claimed law is violated
 budget; 2 wrong usage; 3 the scheme crashed, hung, or could not be loaded; 70 sepv itself failed; 130 interrupted."""
 # The key of the typed command line in click's context.
 WORDS = "sepv.words"
-# Errors of the system that no other arguments mend: a full or broken device, no more descriptors, memory or processes.
+# Errors of the system that no other arguments mend: a full or broken device, no more descriptors,
+# memory or processes.
 _LACKING = {
     errno.ENOSPC,
     errno.EDQUOT,
@@ -46,7 +47,8 @@ class _Folder(click.Path):
         self.name = "folder"
 
 
-# Types of options for files and folders, FILE and FOLDER in help. `friendly` checks that an OUT can be written.
+# Types of options for files and folders, FILE and FOLDER in help. `friendly` checks that an OUT can
+# be written.
 FILE, OUT, FOLDER = click.Path(dir_okay=False), click.Path(dir_okay=False), _Folder()
 
 
@@ -68,12 +70,16 @@ Names = tuple[str, ...]
 
 
 def say(text: str) -> None:
-    """Print a line on stderr. Control characters are escaped, because files of other people may contain them."""
+    """Print a line on stderr. Control characters are escaped,
+    because files of other people may contain them.
+    """
     click.echo(printable(text), err=True)
 
 
 def save_json(path: str | None, name: str, data: dict[str, Any], *, indent: int | None = 1) -> None:
-    """Write a command's result, one of `sepv.files.RESULTS`, to a JSON file; do nothing if the path is None."""
+    """Write a command's result, one of `sepv.files.RESULTS`, to a JSON file;
+    do nothing if the path is None.
+    """
     if path is not None:
         from sepv.files import write_json
 
@@ -87,7 +93,9 @@ def typed() -> str:
 
 
 def listed(_context: click.Context, _parameter: click.Parameter, values: Names) -> Names:
-    """The names given to an option that takes several names, separated by commas or by repeating the option."""
+    """The names given to an option that takes several names,
+    separated by commas or by repeating the option.
+    """
     names = tuple(name.strip() for value in values for name in value.split(",") if name.strip())
     if values and not names:
         raise click.BadParameter("expected a name, received none: name one, or leave the option out")
@@ -95,7 +103,9 @@ def listed(_context: click.Context, _parameter: click.Parameter, values: Names) 
 
 
 class Numbers(click.ParamType):  # type: ignore[type-arg]  # generic in the newest click alone
-    """The type of an option that takes several numbers separated by commas, and returns them as a tuple."""
+    """The type of an option that takes several numbers separated by commas,
+    and returns them as a tuple.
+    """
 
     name = "N,N,…"
 
@@ -133,10 +143,12 @@ def candidates(
     targets: Sequence[str], programs: Sequence[str], say: Callable[[str], None], problems: Iterable[Any] = (),
     usual: Iterable[str] = (),
 ) -> Iterator[list[tuple[str, Any]]]:  # fmt: skip
-    """A context with the schemes of a command's targets and programs, as pairs (name in output, scheme).
+    """A context with the schemes of a command's targets and programs,
+    as pairs (name in output, scheme).
 
-    If no target and no program is given, the targets are `usual`. The programs are stopped when the block ends.
-    Loading a scheme makes one step, which may compile it, so `say` is first called with a line about the target.
+    If no target and no program is given, the targets are `usual`. The programs are stopped when the
+    block ends. Loading a scheme makes one step, which may compile it, so `say` is first called with
+    a line about the target.
     """
     from sepv.schemes import load_scheme
 
@@ -190,9 +202,11 @@ def complete_laws(_context: click.Context, _parameter: click.Parameter, incomple
 
 
 def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorate a command so that any error ends it with one message and a documented exit code, which is never 1.
+    """Decorate a command so that any error ends it with one message and a documented exit code,
+    which is never 1.
 
-    Tracebacks are shown with --debug only. A file that cannot be written is an error before the command does any work.
+    Tracebacks are shown with --debug only. A file that cannot be written is an error before the
+    command does any work.
     """
 
     @wraps(command)
@@ -213,7 +227,9 @@ def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """A context in which Ctrl-C prints one line and ends the command with exit code 130 (click itself exits with 1)."""
+    """A context in which Ctrl-C prints one line and ends the command with exit code 130 (click
+    itself exits with 1).
+    """
     try:
         yield
     except KeyboardInterrupt as error:
@@ -223,7 +239,8 @@ def interruptible() -> Iterator[None]:
 def _ended_by(error: BaseException, debug: bool) -> int:
     """Print the message of an error that ends a command, and return the exit code."""
     if isinstance(error, BrokenPipeError):
-        # The reader, such as ``| head``, has ended. Further output, also at exit, is dropped; 141 as for SIGPIPE.
+        # The reader, such as ``| head``, has ended. Further output, also at exit, is dropped; 141
+        # as for SIGPIPE.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     code = _code_of(error)

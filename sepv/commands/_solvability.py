@@ -1,4 +1,6 @@
-"""``sepv solvability``: the steps whose equation has a solution, and the time up to which numerical paths find one."""
+"""``sepv solvability``: the steps whose equation has a solution,
+and the time up to which numerical paths find one.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,8 @@ if TYPE_CHECKING:
     from sepv.studies import Exits, Map
 
 STEPS = tuple(2.0**-n for n in range(1, 11))
-# The states are dense enough if the mean over all and the mean over every second one differ by at most this
-# share.
+# The states are dense enough if the mean over all and the mean over every second one differ by at
+# most this share.
 MEAN_TOLERANCE = 0.2
 # Step sizes with which paths are followed.
 FOLLOWED = tuple(2.0**-n for n in range(4, 10))
@@ -62,12 +64,14 @@ def solvability(
     noise: tuple[float, ...] | None, truncation: int | None, follow: cli.Names, until: float, seconds: float,
     paths: int, seed: int, json_file: str | None, picture: str | None, **orbit: Any,
 ) -> None:  # fmt: skip
-    """Find how far the solutions of a step of PROBLEM reach in Δ = h + Σ c_j ΔW_j, and how long a step size is safe.
+    """Find how far the solutions of a step of PROBLEM reach in Δ = h + Σ c_j ΔW_j,
+    and how long a step size is safe.
 
-    States y0 are taken along the exact solution's orbit. From each y0, the solution y1(Δ) with y1(0) = y0 is
-    followed until it turns back (a fold) or |Δ| reaches --range; then Newton's method is tried at every Δ of
-    a grid. Numerical paths leave this orbit, so they are followed too, until the scheme's solver refuses a
-    step. With one scheme, a step size counts as safe until the time at which the first of its paths fails.
+    States y0 are taken along the exact solution's orbit. From each y0, the solution y1(Δ) with
+    y1(0) = y0 is followed until it turns back (a fold) or |Δ| reaches --range; then Newton's method
+    is tried at every Δ of a grid. Numerical paths leave this orbit, so they are followed too, until
+    the scheme's solver refuses a step. With one scheme, a step size counts as safe until the time
+    at which the first of its paths fails.
 
     \b
     sepv solvability lotka-volterra --follow both-invariants
@@ -110,7 +114,9 @@ def solvability(
 
 
 def _show(regions: Map, furthest: float, k: int | None, out: Any) -> None:
-    """Print the range of Δ in which the equation of a step is solvable, and the probability of a Δ outside of it."""
+    """Print the range of Δ in which the equation of a step is solvable,
+    and the probability of a Δ outside of it.
+    """
     from sepv.studies import End
 
     low, high = regions.safe
@@ -151,7 +157,9 @@ def _show(regions: Map, furthest: float, k: int | None, out: Any) -> None:
 
 
 def _table(regions: Map, k: int | None) -> Table:
-    """The table, by step size h, of the probability that a step's Δ has no solution connected to y0."""
+    """The table, by step size h, of the probability that a step's Δ has no solution connected to
+    y0.
+    """
     rows = []
     for h in STEPS:
         p = float(regions.chances(h, k).mean())
@@ -162,7 +170,9 @@ def _table(regions: Map, k: int | None) -> Table:
 
 
 def _show_exits(exits: Sequence[Exits], out: Any) -> None:
-    """Print a table of paths, by scheme and step size: how many failed, and when the first step had no solution."""
+    """Print a table of paths, by scheme and step size: how many failed,
+    and when the first step had no solution.
+    """
     if not exits:
         return
     rows = [

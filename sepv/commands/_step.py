@@ -22,11 +22,12 @@ from sepv.errors import SepvError
 def step(
     scheme: str, problem: str, state: str | None, h: str, noise: str | None, digits: int, certify: bool
 ) -> None:
-    """One step of SCHEME on PROBLEM in extended precision, beside the float64 result and its error in ulp.
+    """One step of SCHEME on PROBLEM in extended precision,
+    beside the float64 result and its error in ulp.
 
-    SCHEME is one of the paper's schemes, averaged-vector-field, collocation-s or gauss-s (s = 1 … 6), or your own
-    scheme as module:attribute, which is compared with scheme (2.1). PROBLEM is a name, a .json file of polynomial
-    data, or module:attribute.
+    SCHEME is one of the paper's schemes, averaged-vector-field, collocation-s or gauss-s (s = 1 …
+    6), or your own scheme as module:attribute, which is compared with scheme (2.1). PROBLEM is a
+    name, a .json file of polynomial data, or module:attribute.
 
     \b
     sepv step energy-preserving rigid-body --h 0.1 --dW 0.05

@@ -27,9 +27,11 @@ def teeth(
     names: cli.Names, laws: cli.Names, seeds: int | None, matrix: bool, first: bool, corpus: bool, workers: int,
     json_file: str | None, quiet: bool,
 ) -> None:  # fmt: skip
-    """List the planted faults that each law finds, with the number of inputs that it takes to the first violation.
+    """List the planted faults that each law finds, with the number of inputs that it takes to the
+    first violation.
 
-    A saboteur is a scheme with one planted fault. Exit code 0 if a law finds every saboteur with every seed, else 1.
+    A saboteur is a scheme with one planted fault. Exit code 0 if a law finds every saboteur with
+    every seed, else 1.
 
     \b
     sepv teeth                  each saboteur, one seed, to its first law

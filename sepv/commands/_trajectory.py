@@ -1,4 +1,6 @@
-"""``sepv trajectory``: the drift of invariants along a table of states, and whether its rows are steps of a scheme."""
+"""``sepv trajectory``: the drift of invariants along a table of states,
+and whether its rows are steps of a scheme.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +24,12 @@ from sepv.commands import _shared as cli
 def trajectory(
     file: str, problem: str, scheme: str | None, h: float | None, no_noise: bool, out: str | None
 ) -> None:
-    """FILE has a row for each time: t, y_1 … y_d, and with noise dW_1 … dW_m of the step that ends in this row.
+    """FILE has a row for each time: t, y_1 … y_d, and with noise dW_1 … dW_m of the step that ends
+    in this row.
 
-    It may be a .csv, a text of columns, an array of NumPy (.npy) or the JSON of sepv run. A text is known to half a
-    unit of its last digit: what these digits explain is not called a drift, nor a wrong step.
+    It may be a .csv, a text of columns, an array of NumPy (.npy) or the JSON of sepv run. A text is
+    known to half a unit of its last digit: what these digits explain is not called a drift, nor a
+    wrong step.
 
     \b
     sepv trajectory kepler.csv -p kepler --no-noise

@@ -87,8 +87,9 @@ PROGRAM = "exec:"
 def verify(targets: cli.Names, laws: cli.Names, **options: Any) -> None:
     """Measure every law on TARGET: a built-in name, module:attribute or 'exec:COMMAND'.
 
-    The attribute is a sepv.Scheme, or a function step(problem, y, h, dW) -> y_next. Laws that a scheme
-    does not claim are measured and printed too. For several targets a matrix of all verdicts is printed last.
+    The attribute is a sepv.Scheme, or a function step(problem, y, h, dW) -> y_next. Laws that a
+    scheme does not claim are measured and printed too. For several targets a matrix of all verdicts
+    is printed last.
 
     \b
     sepv verify energy-preserving
@@ -128,7 +129,9 @@ def verify(targets: cli.Names, laws: cli.Names, **options: Any) -> None:
 
 
 def _twin(options: dict[str, Any], programs: ExitStack) -> Any:
-    """The `sepv.schemes.Twin` of --agrees-with and --bits; a program runs until `programs` is closed."""
+    """The `sepv.schemes.Twin` of --agrees-with and --bits;
+    a program runs until `programs` is closed.
+    """
     from sepv.schemes import Twin, as_twin
 
     words = options["agrees_with"]
@@ -142,7 +145,9 @@ def _twin(options: dict[str, Any], programs: ExitStack) -> Any:
 
 
 def _coverage(targets: cli.Names, laws: cli.Names, problems: cli.Names, seconds: float) -> int:
-    """Run ``--coverage``: print how the laws choose their cases, for the class or the problems of each target."""
+    """Run ``--coverage``: print how the laws choose their cases,
+    for the class or the problems of each target.
+    """
     from sepv.console import console
     from sepv.verification import load_in_time, load_laws
     from sepv.verification import show_coverage as show
@@ -175,7 +180,9 @@ def _arguments(laws: cli.Names, options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _laws_of_run(laws: cli.Names, options: dict[str, Any]) -> list[Any]:
-    """The laws to measure: those that --law names, those that the profiles of --require need, or by default all."""
+    """The laws to measure: those that --law names, those that the profiles of --require need,
+    or by default all.
+    """
     from sepv.verification import laws_of, requirements
 
     required = requirements(options["require"]) if options["require"] else ()
@@ -183,7 +190,9 @@ def _laws_of_run(laws: cli.Names, options: dict[str, Any]) -> list[Any]:
 
 
 def _effort(**options: Any) -> Any:
-    """The `Effort` of the options --deep, --examples, --paths, --shrink-checks, --seed and --no-corpus."""
+    """The `Effort` of the options --deep, --examples, --paths, --shrink-checks,
+    --seed and --no-corpus.
+    """
     from sepv.law import Effort
 
     effort = Effort().deeper() if options["deep"] else Effort()
@@ -244,7 +253,9 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
 
 
 def _jobs(targets: tuple[Any, ...], options: dict[str, Any], all_laws: bool) -> int:
-    """The number of processes for the laws. For all laws, the processes start here, before most imports."""
+    """The number of processes for the laws. For all laws, the processes start here,
+    before most imports.
+    """
     if any(options[key] for key in ("require", "workers", "token", "against")) or not all_laws:
         return options["jobs"] or 1
     from sepv.schemes import built_in
@@ -256,7 +267,9 @@ def _jobs(targets: tuple[Any, ...], options: dict[str, Any], all_laws: bool) -> 
 
 
 def _against(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any]) -> int:
-    """Run ``--against``: measure a report's results again; exit code 0 if all agree with the report, else 1."""
+    """Run ``--against``: measure a report's results again;
+    exit code 0 if all agree with the report, else 1.
+    """
     from rich.text import Text
 
     from sepv.console import console, print_sentence, showing
@@ -290,7 +303,8 @@ def _one_target(targets: tuple[Any, ...], option: str) -> None:
 
 
 def _write(report: Any, files: dict[str, str | None], named: str) -> None:
-    """Write the files of a report. An interrupted run writes no file with which later runs would be compared.
+    """Write the files of a report. An interrupted run writes no file with which later runs would be
+    compared.
 
     `named` is the text after ``sepv verify`` that repeats the run.
     """
@@ -351,7 +365,9 @@ def _page(data: dict[str, Any]) -> str:
 
 
 def _no_longer_guarded(path: str, report: Any) -> list[str]:
-    """The laws that an old file of ``--pin`` claims and that no longer hold in the report; empty without a file."""
+    """The laws that an old file of ``--pin`` claims and that no longer hold in the report;
+    empty without a file.
+    """
     from sepv.law import Verdict
     from sepv.verification import ALL_LAWS
     from sepv.verification import load_expectations as load
@@ -366,7 +382,9 @@ def _no_longer_guarded(path: str, report: Any) -> list[str]:
 
 
 def _replay(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], debug: bool) -> None:
-    """Run ``--replay``: measure one law on the input that a token encodes, and exit with the code of its verdict."""
+    """Run ``--replay``: measure one law on the input that a token encodes,
+    and exit with the code of its verdict.
+    """
     from sepv.console import console
     from sepv.law import Verdict
     from sepv.law.cases import case

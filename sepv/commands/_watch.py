@@ -1,12 +1,14 @@
-"""A command runs in a child process, and its parent watches it, so that a crash or Ctrl-C always ends with a message.
+"""A command runs in a child process, and its parent watches it,
+so that a crash or Ctrl-C always ends with a message.
 
-Python delivers Ctrl-C to whatever code runs: a destructor swallows it, a long call into compiled code does not see it.
-A segmentation fault ends everything. So the watcher, the parent, runs no other code. It forks before any import that
-could start threads, and stores the child's messages (`sepv.children`), with which a new child continues after a crash.
+Python delivers Ctrl-C to whatever code runs: a destructor swallows it, a long call into compiled
+code does not see it. A segmentation fault ends everything. So the watcher, the parent, runs no
+other code. It forks before any import that could start threads, and stores the child's messages
+(`sepv.children`), with which a new child continues after a crash.
 
-The child is a fork and no `sepv.children.Child`: it keeps the terminal's process group and stdin, on
-which break points and Ctrl-Z depend. A new interpreter would also import all again, which is most of
-the time of a quick command.
+The child is a fork and no `sepv.children.Child`: it keeps the terminal's process group and stdin,
+on which break points and Ctrl-Z depend. A new interpreter would also import all again, which is
+most of the time of a quick command.
 """
 
 from __future__ import annotations
@@ -38,22 +40,27 @@ from sepv.children import (
 )
 from sepv.errors import said
 
-# Seconds until Ctrl-C is sent again, until a lost Ctrl-C is sent again, until a child that does not answer is killed.
+# Seconds until Ctrl-C is sent again, until a lost Ctrl-C is sent again, until a child that does not
+# answer is killed.
 AGAIN, AGAIN_LOST, PATIENCE = 0.5, 0.05, 1.2
 # Seconds within which a Ctrl-C from the terminal and one from the watcher count as one.
 SAME_INTERRUPT_SECONDS = 0.2
 # Signals that end a process from outside, which is no crash.
 ENDED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if os.name == "posix" else ()
 CRASHED, INTERRUPTED = 3, 130
-# The exit code EX_SOFTWARE of sysexits.h: a defect of this package, or of the system; distinct from every verdict.
+# The exit code EX_SOFTWARE of sysexits.h: a defect of this package, or of the system; distinct from
+# every verdict.
 DEFECT = 70
-# Seconds for what is registered with atexit, after all is written. A helper process of a scheme may never end.
+# Seconds for what is registered with atexit, after all is written. A helper process of a scheme may
+# never end.
 ATEXIT_SECONDS = 5.0
 
 
 @dataclass
 class _Heard:
-    """The messages that the processes of a run have sent: results and crashes by the key of their work."""
+    """The messages that the processes of a run have sent:
+    results and crashes by the key of their work.
+    """
 
     results: dict[str, bytes] = field(default_factory=dict)
     crashes: dict[str, tuple[str, bytes]] = field(default_factory=dict)
@@ -68,7 +75,9 @@ class _Heard:
     notes: Notes = field(default_factory=Notes)
 
     def hear(self, data: bytes) -> None:
-        """Add the next bytes of the pipe to the rest of the last ones, and record the messages that are complete."""
+        """Add the next bytes of the pipe to the rest of the last ones,
+        and record the messages that are complete.
+        """
         *lines, self.rest = (self.rest + data).split(b"\n")
         for kind, what in filter(None, map(unpacked, lines)):
             if kind == Message.STARTED:
@@ -88,7 +97,9 @@ class _Heard:
                 self.code, self.limit = what, Limit(ATEXIT_SECONDS)
 
     def crash(self, status: str) -> bool:
-        """Record a crash of a process; True if it occurred in a measurement, which a new process can leave out."""
+        """Record a crash of a process; True if it occurred in a measurement,
+        which a new process can leave out.
+        """
         self.rest, self.limit = b"", None
         if self.begun is None:
             return False
@@ -98,7 +109,9 @@ class _Heard:
 
 
 def watched(work: Callable[[], Any]) -> int:
-    """Run the work in a watched child process and return its exit code; if watching is impossible, run it here."""
+    """Run the work in a watched child process and return its exit code; if watching is impossible,
+    run it here.
+    """
     if not _can_watch():
         _unblock()
         work()
@@ -111,7 +124,9 @@ def watched(work: Callable[[], Any]) -> int:
 
 
 def _can_watch() -> bool:
-    """True if this process can watch a child: it can fork, has one thread, and no debugger or profiler follows it."""
+    """True if this process can watch a child: it can fork, has one thread,
+    and no debugger or profiler follows it.
+    """
     alone = threading.current_thread() is threading.main_thread() and threading.active_count() == 1
     return hasattr(os, "fork") and alone and not followed()
 
@@ -128,7 +143,9 @@ def _unblock() -> None:
 
 
 def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
-    """Run one child process to its end and return the exit code of the run; None if a new child must continue it."""
+    """Run one child process to its end and return the exit code of the run;
+    None if a new child must continue it.
+    """
     for stream in (sys.stdout, sys.stderr):
         stream.flush()
     taken = [n for n in ENDED if signal.getsignal(n) in (signal.SIG_DFL, signal.default_int_handler)]
@@ -170,7 +187,9 @@ class _Attendance:
         self.again = 0.0
 
     def end(self) -> int | None:
-        """Wait for the child to end and return the exit code of the run; None if a new child must continue the run."""
+        """Wait for the child to end and return the exit code of the run;
+        None if a new child must continue the run.
+        """
         while True:
             seconds = None if self.heard.limit is None else TICK
             select.select([self.ear, self.bell], [], [], seconds if self.since is None else AGAIN_LOST / 2)
@@ -195,7 +214,9 @@ class _Attendance:
                     self.heard.lost, self.again = False, waited + AGAIN_LOST
 
     def _bell(self) -> bool:
-        """Forward the received signals to the child; return True if a second Ctrl-C is among them."""
+        """Forward the received signals to the child; return True if a second Ctrl-C is among
+        them.
+        """
         try:
             numbers = os.read(self.bell, 64)
         except BlockingIOError:
@@ -281,7 +302,9 @@ def _speaker(pipe: int) -> Callable[[str, Any], None]:
 
 
 def _be_watched(work: Callable[[], Any], journal: Journal, parent: int, heeds: bool) -> NoReturn:
-    """Run the work in the child process, and then end the process: this function never returns to its caller."""
+    """Run the work in the child process, and then end the process:
+    this function never returns to its caller.
+    """
     from sepv.children import end_with_parent  # imported by the child, as all that takes time
 
     deaf_until, owner = 0.0, os.getpid()
@@ -297,7 +320,8 @@ def _be_watched(work: Callable[[], Any], journal: Journal, parent: int, heeds: b
         if not isinstance(lost.exc_value, KeyboardInterrupt):
             before(lost)
             return
-        # A destructor or a callback of the garbage collector swallowed Ctrl-C. The watcher sends it again afterwards.
+        # A destructor or a callback of the garbage collector swallowed Ctrl-C. The watcher sends it
+        # again afterwards.
         journal.send(Message.LOST, None)
         deaf_until = time.monotonic() + AGAIN_LOST / 2
 
@@ -340,7 +364,9 @@ def _flushed(code: int) -> int:
 
 
 def _code_of(work: Callable[[], Any]) -> int:
-    """Run the work, and return the exit code with which Python would end, but 70 and one line for an exception."""
+    """Run the work, and return the exit code with which Python would end,
+    but 70 and one line for an exception.
+    """
     try:
         work()
     except SystemExit as ended:

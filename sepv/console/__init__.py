@@ -1,7 +1,8 @@
 """Output of commands: texts without control characters, tables, consoles and progress.
 
-Read `_tables` first. `_text` escapes control characters and converts signs to ASCII. `_console` is loaded when a
-console is used, because it needs rich. `_progress` shows the progress of work that takes more than two seconds.
+Read `_tables` first. `_text` escapes control characters and converts signs to ASCII. `_console` is
+loaded when a console is used, because it needs rich. `_progress` shows the progress of work that
+takes more than two seconds.
 """
 
 from __future__ import annotations

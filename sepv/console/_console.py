@@ -1,4 +1,6 @@
-"""Consoles of rich: colour on terminals only, no markup, and no message if the reader closes the pipe."""
+"""Consoles of rich: colour on terminals only, no markup,
+and no message if the reader closes the pipe.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from sepv.console._text import ascii_cell, cannot_show, printable_cell
 
 
 def console(file: TextIO | None = None, *, stderr: bool = False) -> Console:
-    """A console with colour on terminals only (rich obeys NO_COLOR), and wide enough for a table when piped."""
+    """A console with colour on terminals only (rich obeys NO_COLOR),
+    and wide enough for a table when piped.
+    """
     out = file or (sys.stderr if stderr else sys.stdout)
     width = None if out.isatty() or "COLUMNS" in os.environ else 100
     return (_Ascii if cannot_show(out) else _Console)(file=out, highlight=False, markup=False, width=width)
@@ -22,8 +26,8 @@ def console(file: TextIO | None = None, *, stderr: bool = False) -> Console:
 class _Console(Console):
     """A console that exits with 141, as for SIGPIPE, if its reader closes the pipe (``| head``).
 
-    Rich would exit with 1, which is a verdict here. Control characters are escaped and brackets are no markup, because
-    names and messages may come from others.
+    Rich would exit with 1, which is a verdict here. Control characters are escaped and brackets are
+    no markup, because names and messages may come from others.
     """
 
     def print(self, *objects: Any, **options: Any) -> None:
@@ -36,7 +40,9 @@ class _Console(Console):
 
 
 class _Ascii(_Console):
-    """A console whose encoding lacks signs such as Δ: texts are converted to ASCII before they are laid out."""
+    """A console whose encoding lacks signs such as Δ: texts are converted to ASCII before they are
+    laid out.
+    """
 
     def print(self, *objects: Any, **options: Any) -> None:
         super().print(*(ascii_cell(o) for o in objects), **options)

@@ -1,4 +1,5 @@
-"""Progress on stderr: a bar with the seconds left on a terminal, elsewhere a line at most every 20 seconds.
+"""Progress on stderr: a bar with the seconds left on a terminal,
+elsewhere a line at most every 20 seconds.
 
 Work of less than two seconds prints nothing.
 """
@@ -23,7 +24,9 @@ TICK = 0.2
 
 
 class Shown:
-    """The progress of a command: the share that is done and the current work, which a display thread reads."""
+    """The progress of a command: the share that is done and the current work,
+    which a display thread reads.
+    """
 
     def __init__(self) -> None:
         self.text, self.started = "starting", time.monotonic()
@@ -34,19 +37,25 @@ class Shown:
         self.found: list[str] = []  # messages to print once, as soon as a line or a bar is shown
 
     def update(self, text: str | None = None, share: float | None = None) -> None:
-        """Set the current work, and the share that is done, 0 to 1; omitted arguments keep their values."""
+        """Set the current work, and the share that is done, 0 to 1;
+        omitted arguments keep their values.
+        """
         self.text = self.text if text is None else text
         self._done = self._done if share is None else share
 
     @property
     def seconds_left(self) -> float | None:
-        """The remaining seconds, by the work's own estimate or at the pace so far; None if there is no pace yet."""
+        """The remaining seconds, by the work's own estimate or at the pace so far;
+        None if there is no pace yet.
+        """
         if self.expected is not None:
             return self.expected()
         return (time.monotonic() - self.started) * (1 - self._done) / self._done if self._done > 0 else None
 
     def share(self, left: float | None) -> float:
-        """The share of the work that is done, 0 to 1, if `left` seconds remain; None means unknown."""
+        """The share of the work that is done, 0 to 1, if `left` seconds remain; None means
+        unknown.
+        """
         if self.expected is None or left is None:
             return self._done
         elapsed = time.monotonic() - self.started
@@ -76,7 +85,8 @@ def showing(quiet: bool = False) -> Iterator[Shown]:
 
     out = console(stderr=True)
     thread = threading.Thread(
-        # rich calls a file a terminal if FORCE_COLOR is set, but a bar is redrawn with the codes of a cursor.
+        # rich calls a file a terminal if FORCE_COLOR is set, but a bar is redrawn with the codes of
+        # a cursor.
         target=_bar if out.is_terminal and out.file.isatty() else _lines,
         args=(shown, out, done),
         daemon=True,

@@ -1,6 +1,7 @@
 """Tables on a terminal, in Markdown and in HTML.
 
-If a table is too wide for its terminal, columns are left out, the least important first. Digits are never cut.
+If a table is too wide for its terminal, columns are left out, the least important first. Digits are
+never cut.
 """
 
 from __future__ import annotations
@@ -24,12 +25,15 @@ WORDS = 24
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table. Columns with the same heading have one width, and are left out together."""
+    """A column of a table. Columns with the same heading have one width, and are left out
+    together.
+    """
 
     heading: str
     right: bool = False  # numbers are aligned at the right
     words: bool = False  # texts may be broken between words, and within a word if no column can be dropped
-    # The order in which columns are dropped on a narrow terminal, 1 first; 0 for a column that stays.
+    # The order in which columns are dropped on a narrow terminal, 1 first; 0 for a column that
+    # stays.
     goes: int = 0
     least: int = 0  # the least width, in cells of a terminal
 
@@ -50,14 +54,18 @@ class Table:
 def columns(
     left: Iterable[str], right: Iterable[str] = (), *, goes: Sequence[str] = (), **more: Any
 ) -> tuple[Column, ...]:
-    """Make columns of words, then of numbers, from headings; those in `goes` are left out in turn if space is short."""
+    """Make columns of words, then of numbers, from headings;
+    those in `goes` are left out in turn if space is short.
+    """
     order = {heading: place for place, heading in enumerate(goes, 1)}
     listed = [*(Column(h, **more) for h in left), *(Column(h, right=True) for h in right)]
     return tuple(replace(c, goes=order.get(c.heading, 0)) for c in listed)
 
 
 def print_table(table: Table, out: Console) -> None:
-    """Print a table. On a narrow console whole columns are left out, and a line below names them."""
+    """Print a table. On a narrow console whole columns are left out, and a line below names
+    them.
+    """
     from rich import box
     from rich.table import Table as RichTable
     from rich.text import Text
@@ -85,7 +93,8 @@ def print_table(table: Table, out: Console) -> None:
         show_edge=table.edged,
         pad_edge=False,
         padding=(0, between - ruled, 0, 0),
-        # The table is at least as wide as its title if the terminal allows it; else a narrow table breaks the title.
+        # The table is at least as wide as its title if the terminal allows it; else a narrow table
+        # breaks the title.
         min_width=min(longest([_plain(table.title)]), 80, width) if table.title else None,
     )
     chosen = [n for n, c in enumerate(table.columns) if c.heading in left]
@@ -120,7 +129,8 @@ def _edges(table: Table, width: int) -> int:
 
 
 def _laid(table: Table, width: int) -> tuple[dict[str, int], int]:
-    """The widths of columns by heading, and the number of blanks between columns, for a console of this width.
+    """The widths of columns by heading, and the number of blanks between columns,
+    for a console of this width.
 
     Each heading is on one line, with two blanks between columns, if all columns fit in this way.
     """
@@ -134,7 +144,9 @@ def _laid(table: Table, width: int) -> tuple[dict[str, int], int]:
 
 
 def _with_cells(table: Table, change: Callable[[Any], Any]) -> Table:
-    """Apply a function to each text of a table, before the layout, because in ASCII a text may have more characters."""
+    """Apply a function to each text of a table, before the layout,
+    because in ASCII a text may have more characters.
+    """
     return replace(
         table,
         columns=tuple(replace(c, heading=change(c.heading)) for c in table.columns),
@@ -147,8 +159,9 @@ def _with_cells(table: Table, change: Callable[[Any], Any]) -> Table:
 def _needed(table: Table, *, whole: bool = False, words: int = 0) -> dict[str, int]:
     """The least widths of columns by heading.
 
-    A column is at least as wide as the longest line of its cells, and as the longest word of its heading (the longest
-    line if `whole`). A column of words is at least as wide as its longest word, and as its longest cell up to `words`.
+    A column is at least as wide as the longest line of its cells, and as the longest word of its
+    heading (the longest line if `whole`). A column of words is at least as wide as its longest
+    word, and as its longest cell up to `words`.
     """
     widths: dict[str, int] = {}
     for n, c in enumerate(table.columns):
@@ -164,7 +177,8 @@ def _needed(table: Table, *, whole: bool = False, words: int = 0) -> dict[str, i
 def kept(needed: Mapping[str, int], width: int, dropped: Sequence[str], between: int = 1) -> list[str]:
     """The headings of the columns that fit into a width, with `between` blanks between them.
 
-    `needed` has the widths by heading. Columns are dropped in the order of `dropped` until the remaining ones fit.
+    `needed` has the widths by heading. Columns are dropped in the order of `dropped` until the
+    remaining ones fit.
     """
     left = dict(needed)
     for heading in dropped:
@@ -181,9 +195,11 @@ def markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def html(*tables: Table) -> str:
-    """Tables with equal headings as one table of HTML for a notebook, with a line for the title of each.
+    """Tables with equal headings as one table of HTML for a notebook,
+    with a line for the title of each.
 
-    All texts are escaped, and so are characters that are invisible or change the direction of writing.
+    All texts are escaped, and so are characters that are invisible or change the direction of
+    writing.
     """
 
     def cells(tag: str, row: Sequence[Cell]) -> str:

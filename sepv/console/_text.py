@@ -22,10 +22,11 @@ _NAME = "sepv-ascii"
 
 
 def printable(text: str, allowed: str = "\n\t") -> str:
-    """Escape every character that affects a terminal, or is invisible on it, except the `allowed` ones.
+    """Escape every character that affects a terminal, or is invisible on it,
+    except the `allowed` ones.
 
-    Names and messages may come from files and programs of others. Escape sequences, bells, marks that change the
-    direction of writing and lone surrogates are escaped.
+    Names and messages may come from files and programs of others. Escape sequences, bells, marks
+    that change the direction of writing and lone surrogates are escaped.
     """
     if text.isprintable():
         return text
@@ -74,12 +75,16 @@ def _replace(error: UnicodeError) -> tuple[str, int]:
 
 
 def cannot_show(stream: Any) -> bool:
-    """True if the stream's encoding is not Unicode, so that it may lack signs of sepv's tables such as Δ."""
+    """True if the stream's encoding is not Unicode, so that it may lack signs of sepv's tables such
+    as Δ.
+    """
     return not (getattr(stream, "encoding", None) or "utf-8").lower().replace("_", "-").startswith("utf")
 
 
 def never_fail(stream: Any) -> None:
-    """Make a stream write in ASCII each sign that its encoding lacks, and a lone surrogate as an escape."""
+    """Make a stream write in ASCII each sign that its encoding lacks,
+    and a lone surrogate as an escape.
+    """
     codecs.register_error(_NAME, _replace)
     if hasattr(stream, "reconfigure"):
         stream.reconfigure(errors=_NAME)

@@ -1,7 +1,8 @@
 """The exact flow at the random time t + Σ c_jW_j(t) (Proposition 2.1).
 
-Read `_flow` first. It uses a closed form if the problem has one (`_closed_forms`), and otherwise a numerical solution
-with rounding accuracy (`_dense_flow`). `_truncation_error` computes the error of clipped increments (Remark 2.1).
+Read `_flow` first. It uses a closed form if the problem has one (`_closed_forms`), and otherwise a
+numerical solution with rounding accuracy (`_dense_flow`). `_truncation_error` computes the error of
+clipped increments (Remark 2.1).
 """
 
 from __future__ import annotations

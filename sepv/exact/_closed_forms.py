@@ -1,7 +1,8 @@
 """Closed forms of the flow of y′ = B(y)∇H(y) for the oscillator, the rigid body and the pendulum.
 
-Each function gets the parameters, y0 (d,) and times θ (M,), and returns the states (d, M) and the method's name. It
-returns None where its formula degenerates (equal moments of inertia, near a separatrix): the flow is then numerical.
+Each function gets the parameters, y0 (d,) and times θ (M,), and returns the states (d, M) and the
+method's name. It returns None where its formula degenerates (equal moments of inertia, near a
+separatrix): the flow is then numerical.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from sepv.problem import Array
 Parameters = Mapping[str, tuple[float, ...]]
 Result = tuple[Array, str] | None
 
-# The least |m − 1| for the parameter m of elliptic functions. On the separatrix m = 1, and near it they lose digits.
+# The least |m − 1| for the parameter m of elliptic functions. On the separatrix m = 1, and near it
+# they lose digits.
 SEPARATRIX = 1e-4
 _JACOBI = "Jacobi elliptic functions"
 
@@ -30,8 +32,8 @@ def oscillator(_: Parameters, y0: Array, theta: Array) -> Result:
 def pendulum(_: Parameters, y0: Array, theta: Array) -> Result:
     """The exact flow of the pendulum by elliptic functions, with k² = sin²(q/2) + p²/4 = (H + 1)/2.
 
-    Libration, k < 1: sin(q/2) = k sn, p/2 = k cn, cos(q/2) = dn at (θ + u0, k²), with u0 from y0 at θ = 0.
-    Rotation, k > 1, with s the sign of p: q/2 = s am, p/2 = s k dn at (kθ + u0, 1/k²).
+    Libration, k < 1: sin(q/2) = k sn, p/2 = k cn, cos(q/2) = dn at (θ + u0, k²), with u0 from y0 at
+    θ = 0. Rotation, k > 1, with s the sign of p: q/2 = s am, p/2 = s k dn at (kθ + u0, 1/k²).
     """
     p, q = y0
     turns = np.round(q / (2 * np.pi))
@@ -50,12 +52,14 @@ def pendulum(_: Parameters, y0: Array, theta: Array) -> Result:
 
 
 def rigid_body(parameters: Parameters, y0: Array, theta: Array) -> Result:
-    """The exact flow of the rigid body, y′ = y × (y/I), by elliptic functions; axes are sorted by I_a < I_b < I_c.
+    """The exact flow of the rigid body, y′ = y × (y/I), by elliptic functions;
+    axes are sorted by I_a < I_b < I_c.
 
-    y_a′ = −σA_a y_b y_c, y_b′ = σA_b y_a y_c, y_c′ = −σA_c y_a y_b with A_a = 1/I_b − 1/I_c, A_b = 1/I_a − 1/I_c,
-    A_c = 1/I_a − 1/I_b and σ the sign of the permutation. K_a = y_a²/A_a + y_b²/A_b and K_c = y_c²/A_c + y_b²/A_b are
-    conserved. For K_a ≤ K_c: y_c = Y_c dn, y_a = Y_a cn, y_b = Y_b sn at (λθ + u0, m), λ² = A_aA_bA_cK_c, m = K_a/K_c.
-    y0 gives u0 and the amplitudes Y. For K_a > K_c, a and c are exchanged.
+    y_a′ = −σA_a y_b y_c, y_b′ = σA_b y_a y_c, y_c′ = −σA_c y_a y_b with A_a = 1/I_b
+    − 1/I_c, A_b = 1/I_a − 1/I_c, A_c = 1/I_a − 1/I_b and σ the sign of the permutation.
+    K_a = y_a²/A_a + y_b²/A_b and K_c = y_c²/A_c + y_b²/A_b are conserved. For K_a
+    ≤ K_c: y_c = Y_c dn, y_a = Y_a cn, y_b = Y_b sn at (λθ + u0, m), λ² = A_aA_bA_cK_c,
+    m = K_a/K_c. y0 gives u0 and the amplitudes Y. For K_a > K_c, a and c are exchanged.
     """
     inertia = np.array(parameters["inertia"])
     a, b, c = np.argsort(inertia)

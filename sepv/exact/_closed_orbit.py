@@ -18,17 +18,20 @@ CLOSING_MAX_TIME = 512.0
 
 @dataclass(frozen=True)
 class Orbit:
-    """A closed orbit of the flow: its period, and states (d, PHASES) that are equally spaced in time."""
+    """A closed orbit of the flow: its period, and states (d, PHASES)
+    that are equally spaced in time.
+    """
 
     period: float
     states: Array
 
 
 def closed_orbit(problem: Problem, y0: Array) -> Orbit | None:
-    """The closed orbit of a problem's flow through y0; None if it does not close within CLOSING_MAX_TIME |y0|/|f|.
+    """The closed orbit of a problem's flow through y0;
+    None if it does not close within CLOSING_MAX_TIME |y0|/|f|.
 
-    The orbit closes when it crosses the plane through y0 normal to f = f(y0), in the direction of f and close
-    to y0.
+    The orbit closes when it crosses the plane through y0 normal to f = f(y0), in the direction of f
+    and close to y0.
     """
     f = vector_field(problem, y0)
     speed, size = float(np.linalg.norm(f)), float(np.linalg.norm(y0))
@@ -52,10 +55,11 @@ def closed_orbit(problem: Problem, y0: Array) -> Orbit | None:
 
 
 def _return(problem: Problem, start: Array, y0: Array, f: Array, longest: float) -> float:
-    """The time in [0, longest] at which the flow from `start` crosses the plane through y0 with the normal f.
+    """The time in [0, longest] at which the flow from `start` crosses the plane through y0 with the
+    normal f.
 
-    Newton's method needs few steps, because near y0 the distance f·(y − y0) rises at the rate f·f(y) > 0. The
-    iteration stops when a time repeats.
+    Newton's method needs few steps, because near y0 the distance f·(y − y0) rises at the rate
+    f·f(y) > 0. The iteration stops when a time repeats.
     """
     time, seen = 0.0, set()
     while time not in seen:

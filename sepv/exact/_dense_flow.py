@@ -1,8 +1,10 @@
-"""A solution of y′ = f(y) as a function of time, accurate to rounding at every time: Gauss collocation in panels.
+"""A solution of y′ = f(y) as a function of time, accurate to rounding at every time:
+Gauss collocation in panels.
 
-The time is divided into panels. On each panel the collocation polynomial is stored as a Legendre series, whose last
-coefficients measure whether the panel is short enough. Each evaluation at a time is one short sum. Continuous
-extensions of explicit Runge-Kutta pairs are less accurate between their steps, by an order of magnitude.
+The time is divided into panels. On each panel the collocation polynomial is stored as a Legendre
+series, whose last coefficients measure whether the panel is short enough. Each evaluation at a time
+is one short sum. Continuous extensions of explicit Runge-Kutta pairs are less accurate between
+their steps, by an order of magnitude.
 """
 
 from __future__ import annotations
@@ -23,9 +25,11 @@ _PICARD = 60
 
 @dataclass(frozen=True)
 class DenseSolution:
-    """A solution of y′ = f(y) as a function of time: a Legendre series of f with s terms on each of P panels.
+    """A solution of y′ = f(y) as a function of time: a Legendre series of f with s terms on each of
+    P panels.
 
-    The panels have edges (P+1,), states at their left ends (d, P), and Legendre coefficients of f (d, s, P).
+    The panels have edges (P+1,), states at their left ends (d, P), and Legendre coefficients of f
+    (d, s, P).
     """
 
     edges: Array
@@ -47,12 +51,15 @@ class DenseSolution:
 
 
 class FlowFailure(SepvError, ArithmeticError):
-    """The flow cannot be followed to the given time, because the solution leaves the domain or blows up."""
+    """The flow cannot be followed to the given time, because the solution leaves the domain or
+    blows up.
+    """
 
 
 @lru_cache(maxsize=8)
 def _tables(stages: int) -> tuple[Array, Array, Array]:
-    """Three arrays for s Gauss nodes on [0, 1]: integrals of Lagrange polynomials, weights (s,), and a transform.
+    """Three arrays for s Gauss nodes on [0, 1]: integrals of Lagrange polynomials, weights (s,),
+    and a transform.
 
     The last array, the transform (s, s), maps values at the nodes to Legendre coefficients.
     """
@@ -72,10 +79,12 @@ def solve_dense(
     ----------
     f : (d, s) -> (d, s)
     stages : int
-        The number s of Gauss nodes on a panel, one interval of time. A panel is halved until its Legendre series decays
-        to rounding; if it decays faster, the next is longer. The first has the length shrink · min(½, ½(1 + |y|)/|f|).
+        The number s of Gauss nodes on a panel, one interval of time. A panel is halved until its
+        Legendre series decays to rounding; if it decays faster, the next is longer. The first has
+        the length shrink · min(½, ½(1 + |y|)/|f|).
     shrink : float
-        A factor of the first panel's length. Two solutions with different factors have different panels.
+        A factor of the first panel's length. Two solutions with different factors have different
+        panels.
 
     Raises
     ------
@@ -115,10 +124,11 @@ def solve_dense(
 
 
 def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series: Array) -> tuple[Array, int]:
-    """The values f(y) (d, s) at the nodes of a panel of length H from the state y, by Picard iteration, and a grade.
+    """The values f(y) (d, s) at the nodes of a panel of length H from the state y,
+    by Picard iteration, and a grade.
 
-    The grade is 0 if the iteration failed or the panel is too long, 1 if the panel is short enough, and 2 if the next
-    panel may be longer.
+    The grade is 0 if the iteration failed or the panel is too long, 1 if the panel is short enough,
+    and 2 if the next panel may be longer.
     """
     F = np.repeat(f(y[:, None]), len(A), axis=1)
     previous = np.inf
@@ -135,10 +145,12 @@ def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series:
             previous = change
         else:
             return F, 0
-    # Coefficient k of f contributes to y with the factor 1/(2(2k + 1)), from the integral of Legendre's P_k.
+    # Coefficient k of f contributes to y with the factor 1/(2(2k + 1)), from the integral of
+    # Legendre's P_k.
     weights = 1 / (2 * (2 * np.arange(len(A))[-3:] + 1))
     tail = np.max(np.abs(F @ to_series[-3:].T) * weights) * abs(H)
-    # The largest component on the panel, which is not zero if the flow starts at the origin and leaves it.
+    # The largest component on the panel, which is not zero if the flow starts at the origin and
+    # leaves it.
     scale = max(float(np.max(np.abs(y))), abs(H) * size)
     if tail <= 1e-3 * EPS * scale:
         return F, 2
@@ -146,7 +158,9 @@ def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series:
 
 
 def _oriented(edges: Array, starts: Array, series: Array, end_state: Array, sign: float) -> DenseSolution:
-    """The solution with panels in increasing time; panels computed towards negative times are reversed."""
+    """The solution with panels in increasing time; panels computed towards negative times are
+    reversed.
+    """
     if sign > 0:
         return DenseSolution(edges, starts, series)
     lefts = np.concatenate([starts[:, 1:], end_state[:, None]], axis=1)

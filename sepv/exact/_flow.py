@@ -1,8 +1,9 @@
 """The exact solution of (1.1): the deterministic flow at the random time θ(t) = t + Σ_j c_j W_j(t).
 
-By the Stratonovich chain rule y(t) = φ_θ(t)(y0), where φ is the flow of y′ = B(y)∇H(y). The oscillator (rotation), the
-rigid body and the pendulum (Jacobi elliptic functions) have closed forms. Other problems are solved numerically once
-over [min θ, max θ], accurate to rounding. The result depends on no step size, and on no scheme under verification.
+By the Stratonovich chain rule y(t) = φ_θ(t)(y0), where φ is the flow of y′ = B(y)∇H(y). The
+oscillator (rotation), the rigid body and the pendulum (Jacobi elliptic functions) have closed
+forms. Other problems are solved numerically once over [min θ, max θ], accurate to rounding. The
+result depends on no step size, and on no scheme under verification.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ MOST_KEPT = 1024
 
 @dataclass(frozen=True)
 class ExactFlow:
-    """The exact solution y = φ_θ(y0), (d, M), at M random times θ, its largest absolute error, and its method."""
+    """The exact solution y = φ_θ(y0), (d, M), at M random times θ, its largest absolute error,
+    and its method.
+    """
 
     y: Array
     error: float
@@ -57,9 +60,10 @@ def exact_flow(
     Returns
     -------
     ExactFlow
-        Its `error` estimates the largest error. For a numerical solution it is four times the largest difference from a
-        second solution, of another order and with other panels, plus 8 roundings. For a closed form it is 16 eps (|y| +
-        |f(y)| (1 + |θ|)) with the largest |y|, |f(y)|, |θ| (special functions: below 4 eps measured).
+        Its `error` estimates the largest error. For a numerical solution it is four times the
+        largest difference from a second solution, of another order and with other panels, plus 8
+        roundings. For a closed form it is 16 eps (|y| + |f(y)| (1 + |θ|)) with the largest |y|,
+        |f(y)|, |θ| (special functions: below 4 eps measured).
 
     Raises
     ------
@@ -106,7 +110,9 @@ def exact_flow(
 
 
 def _dense_flow(problem: Problem, y0: Array, theta: Array) -> tuple[Array, float]:
-    """The exact solution, computed numerically, and its error, estimated from a solution with other panels."""
+    """The exact solution, computed numerically, and its error,
+    estimated from a solution with other panels.
+    """
 
     def f(y: Array) -> Array:
         value = drift(problem, y)
@@ -128,7 +134,9 @@ def _dense_flow(problem: Problem, y0: Array, theta: Array) -> tuple[Array, float
 
 
 def _evaluate(f: Callable[[Array], Array], y0: Array, theta: Array, stages: int, shrink: float) -> Array:
-    """The solution of y′ = f(y) from y0 at times θ of either sign, by `solve_dense` forwards and backwards."""
+    """The solution of y′ = f(y) from y0 at times θ of either sign,
+    by `solve_dense` forwards and backwards.
+    """
     result = np.repeat(y0[:, None], theta.size, axis=1)
     for side in (theta > 0, theta < 0):
         if side.any():

@@ -1,17 +1,21 @@
-"""The rms error from clipping the normal increments at √h A_h (Remark 2.1), which ordinary samples do not show.
+"""The rms error from clipping the normal increments at √h A_h (Remark 2.1),
+which ordinary samples do not show.
 
-A step with ζ = clip(ξ, ±A_h) in place of a normal ξ ends on the exact flow at the time θ + c√h(ζ − ξ). Over a path
-these shifts have mean 0 and variance T|c|²E(ξ − ζ)². With A = A_h, Q(A) = P(ξ > A) and the normal density φ,
+A step with ζ = clip(ξ, ±A_h) in place of a normal ξ ends on the exact flow at the time
+θ + c√h(ζ − ξ). Over a path these shifts have mean 0 and variance T|c|²E(ξ − ζ)². With
+A = A_h, Q(A) = P(ξ > A) and the normal density φ,
 
     E(ξ − ζ)² = 2∫_A^∞ (x − A)² φ(x) dx = 2((1 + A²)Q(A) − Aφ(A)) ≈ 4φ(A)/A³ = O(h^k |ln h|^(−3/2)).
 
-So the rms error of clipping, for the field f, is |f| |c| √(T E(ξ − ζ)²) = O(h^{k/2}|ln h|^(−3/4)). If a scheme has the
-order p and k = 2p, its own error and the error of clipping both have the order p. For collocation with three or more
-stages the error of clipping is larger. If k = 4p, it is O(h^{2p}), at most a few per cent of the scheme's error for h ≤
-¼ (`sepv.schemes._scheme.truncation_for`).
+So the rms error of clipping, for the field f, is |f| |c| √(T E(ξ − ζ)²) = O(h^{k/2}|ln
+h|^(−3/4)). If a scheme has the order p and k = 2p, its own error and the error of clipping both
+have the order p. For collocation with three or more stages the error of clipping is larger. If
+k = 4p, it is O(h^{2p}), at most a few per cent of the scheme's error for h ≤ ¼
+(`sepv.schemes._scheme.truncation_for`).
 
-A path of N steps has a clipped increment with probability 2NQ(A_h), below 10⁻⁶ for k ≥ 4 and N = 64. A sample therefore
-shows the error of unclipped paths. The square of the error of clipping must be added to the square of this error.
+A path of N steps has a clipped increment with probability 2NQ(A_h), below 10⁻⁶ for k ≥ 4 and
+N = 64. A sample therefore shows the error of unclipped paths. The square of the error of
+clipping must be added to the square of this error.
 """
 
 from __future__ import annotations
@@ -25,7 +29,8 @@ from sepv.exact._flow import exact_flow
 from sepv.problem import Problem, vector_field
 from sepv.simulate import truncation_bound
 
-# The number of trapezoidal nodes for E|f|², and their range in standard deviations of θ(T): exact to 1e-8 for smooth f.
+# The number of trapezoidal nodes for E|f|², and their range in standard deviations of θ(T): exact
+# to 1e-8 for smooth f.
 NODES, REACH = 49, 6.0
 
 
@@ -44,9 +49,11 @@ def lost_mean_square(A: float) -> float:
 def clipping_error(
     problem: Problem, *, T: float, steps: int, k: int | None, y0: ArrayLike | None = None
 ) -> float:
-    """The rms error √E|y(θ̂) − y(θ)|² at T, if θ̂ has clipped increments and θ normal ones, to first order in θ̂ − θ.
+    """The rms error √E|y(θ̂) − y(θ)|² at T, if θ̂ has clipped increments and θ normal ones,
+    to first order in θ̂ − θ.
 
-    The factor E|f(y(T))|² of the result is a mean over paths with one increment at ±√h A_h, and the others normal.
+    The factor E|f(y(T))|² of the result is a mean over paths with one increment at ±√h A_h, and the
+    others normal.
 
     Parameters
     ----------

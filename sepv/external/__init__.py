@@ -1,8 +1,10 @@
-"""Schemes in other languages: a child process that answers JSON lines (docs/protocol.md) until it is stopped.
+"""Schemes in other languages: a child process that answers JSON lines (docs/protocol.md)
+until it is stopped.
 
-With one thread and non-blocking pipes every read and write has a deadline. So a child that never answers or never reads
-cannot stop the suite. Any failure of an exchange ends the whole process group, and the next call starts a new process.
-So a case that crashes the program can still be simplified.
+With one thread and non-blocking pipes every read and write has a deadline. So a child that never
+answers or never reads cannot stop the suite. Any failure of an exchange ends the whole process
+group, and the next call starts a new process. So a case that crashes the program can still be
+simplified.
 """
 
 from __future__ import annotations

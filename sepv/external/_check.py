@@ -1,4 +1,6 @@
-"""Line-by-line check that a program keeps the protocol (docs/protocol.md), for those who write such a program."""
+"""Line-by-line check that a program keeps the protocol (docs/protocol.md),
+for those who write such a program.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ _AS_READ = (
 
 
 class Check(NamedTuple):
-    """One check of the protocol: the line sent, True if the answer is right, and the answer or its defect."""
+    """One check of the protocol: the line sent, True if the answer is right,
+    and the answer or its defect.
+    """
 
     line: str
     ok: bool
@@ -36,9 +40,11 @@ def check_protocol(
     start_timeout: float = 60.0,
     laws: Iterable[str] | None = None,
 ) -> list[Check]:
-    """Send messages to a program, which is started as by `load_program`, and report each answer as right or wrong.
+    """Send messages to a program, which is started as by `load_program`,
+    and report each answer as right or wrong.
 
-    The check stops after a failed start or a wrong answer to "hello", because no later answer means anything.
+    The check stops after a failed start or a wrong answer to "hello", because no later answer means
+    anything.
 
     Parameters
     ----------
@@ -71,7 +77,9 @@ def check_protocol(
 
 
 def _of_refused(refused: StepRefused) -> str:
-    """The message for a sample step that the program refused. Every scheme can make it, so that h is not to blame."""
+    """The message for a sample step that the program refused. Every scheme can make it,
+    so that h is not to blame.
+    """
     y = np.asarray(refused.y).tolist()
     return (
         f"{refused.status}\n"
@@ -82,7 +90,9 @@ def _of_refused(refused: StepRefused) -> str:
 
 
 def describe(checks: Iterable[Check]) -> str:
-    """Format the checks as text, in order: each has "ok" or "FAIL", the line sent, and the answer or its defect."""
+    """Format the checks as text, in order: each has "ok" or "FAIL", the line sent,
+    and the answer or its defect.
+    """
     lines = []
     for n, check in enumerate(checks, 1):
         shown = check.line if len(check.line) <= 160 else f"{check.line[:160]}… ({len(check.line)} bytes)"
@@ -110,7 +120,9 @@ def _try_hello(program: Program, laws: set[str] | None) -> str:
 
 
 def _sample_trials(greeting: Hello) -> Iterator[Callable[[Program], str]]:
-    """Yield tests for each problem of the program: a step sent twice, and several steps in one message."""
+    """Yield tests for each problem of the program: a step sent twice,
+    and several steps in one message.
+    """
     from sepv import problems
     from sepv.record import polynomial
 

@@ -8,7 +8,8 @@ from sepv.children import Child, NoLine
 from sepv.external import _errors as errors
 from sepv.external._errors import shown
 
-# The largest answer in bytes, twice that of 1000 steps in 20 dimensions. A child that prints more is ended.
+# The largest answer in bytes, twice that of 1000 steps in 20 dimensions. A child that prints more
+# is ended.
 LINE_LIMIT = 1 << 20
 # Seconds between "stop" and SIGKILL, enough for a program to write a log.
 STOP_GRACE = 2.0
@@ -85,7 +86,9 @@ class ProgramChild(Child):
 
 
 def _unread(fd: int) -> int:
-    """Return the number of bytes in a pipe that the child has not read, or 0 if the system does not tell."""
+    """Return the number of bytes in a pipe that the child has not read,
+    or 0 if the system does not tell.
+    """
     import fcntl
     import termios
 

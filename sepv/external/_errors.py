@@ -1,4 +1,6 @@
-"""Errors of an external program, one class for each kind, and functions that make its text safe to show."""
+"""Errors of an external program, one class for each kind,
+and functions that make its text safe to show.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +10,15 @@ from sepv.problem import Array
 
 
 class ProgramError(SepvError):
-    """A program does not keep the protocol. This is the base class of the errors with the verdict "error"."""
+    """A program does not keep the protocol. This is the base class of the errors with the verdict
+    "error".
+    """
 
     def __init__(self, *, expected: str, received: str, remedy: str, log: str = "") -> None:
         self.expected, self.received, self.remedy, self.log = expected, received, remedy, log
         tail = "\nThe end of its stderr:\n" + "\n".join(f"  | {s}" for s in log.splitlines()) if log else ""
-        # Not super(), because StartFailure is a TargetError too, whose constructor writes the message without the log.
+        # Not super(), because StartFailure is a TargetError too, whose constructor writes the
+        # message without the log.
         SepvError.__init__(self, f"Expected {expected}.\nReceived {received}.\nRemedy: {remedy}{tail}")
 
 
@@ -76,10 +81,14 @@ class StepRefused(StepFailure):
 
 
 def shown(line: bytes, most: int = 200) -> str:
-    """Return a program's line as clean text for a message, in which bytes that are not UTF-8 are escaped."""
+    """Return a program's line as clean text for a message,
+    in which bytes that are not UTF-8 are escaped.
+    """
     return clean(line.decode(errors="backslashreplace"), most)
 
 
 def clean(text: str, most: int = 200) -> str:
-    """Return a program's text for a terminal or a page, without control characters and cut to `most` characters."""
+    """Return a program's text for a terminal or a page,
+    without control characters and cut to `most` characters.
+    """
     return printable(text[:most], allowed="") + ("…" if len(text) > most else "")

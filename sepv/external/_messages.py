@@ -1,4 +1,6 @@
-"""The JSON lines of the protocol (docs/protocol.md), read strictly and written without loss of bits."""
+"""The JSON lines of the protocol (docs/protocol.md), read strictly and written without loss of
+bits.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +59,8 @@ def _count(value: Any) -> bool:
     return type(value) is int and value > 0
 
 
-# Allowed members of hello. An unknown member is an error, because a misspelt one would be a lost claim.
+# Allowed members of hello. An unknown member is an error, because a misspelt one would be a lost
+# claim.
 _HELLO: dict[str, tuple[Callable[[Any], bool], str]] = {
     "id": (lambda _: True, ""),
     "protocol": (lambda v: type(v) is int and v == PROTOCOL, f"the number {PROTOCOL}"),
@@ -80,7 +83,9 @@ _HELLO: dict[str, tuple[Callable[[Any], bool], str]] = {
 
 
 def read_hello(answer: dict[str, Any]) -> Hello:
-    """Read the answer to hello. Raise BadAnswer for the first member that is missing, unknown or of another type."""
+    """Read the answer to hello. Raise BadAnswer for the first member that is missing,
+    unknown or of another type.
+    """
     remedy = "see docs/protocol.md"
     for key, value in answer.items():
         test, text = _HELLO.get(key, (lambda _: False, f"one of the members {', '.join(_HELLO)}"))
@@ -104,7 +109,9 @@ def read_hello(answer: dict[str, Any]) -> Hello:
 
 
 def decode(child: ProgramChild, line: bytes, number: int) -> dict[str, Any]:
-    """Read the JSON object with which a program answers message `number`. Raise NotJson, BadAnswer or WrongId."""
+    """Read the JSON object with which a program answers message `number`. Raise NotJson,
+    BadAnswer or WrongId.
+    """
     try:
         answer = parse_json(line)
     except ValueError as error:
@@ -127,7 +134,9 @@ def decode(child: ProgramChild, line: bytes, number: int) -> dict[str, Any]:
 
 
 def states(answer: Any, count: int, d: int) -> list[list[float]]:
-    """Read y_next, the states after `count` steps in d dimensions. Raise WrongShape, BadAnswer or NotFinite."""
+    """Read y_next, the states after `count` steps in d dimensions. Raise WrongShape,
+    BadAnswer or NotFinite.
+    """
     rows = answer if isinstance(answer, list) else []
     if len(rows) != count or any(not isinstance(row, list) or len(row) != d for row in rows):
         shape = [len(row) if isinstance(row, list) else type(row).__name__ for row in rows]
@@ -158,7 +167,9 @@ def _double(text: Any) -> float:
 
 
 def travelling(problem: Problem, greeting: Hello) -> str:
-    """Write a problem as JSON text. Raise Skipped if it is not given as data or the program does not support it."""
+    """Write a problem as JSON text. Raise Skipped if it is not given as data or the program does
+    not support it.
+    """
     data = problem.data
     if data is None:
         raise Skipped(f"the problem {problem.name} is made of Python functions, which cannot travel")

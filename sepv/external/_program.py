@@ -1,4 +1,6 @@
-"""Run a program in any language as a scheme: start it at the first call, restart it after a fault, always end it."""
+"""Run a program in any language as a scheme: start it at the first call, restart it after a fault,
+always end it.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ GOOD_END = "exit code 0"
 
 
 class Program:
-    """A program that keeps the protocol of docs/protocol.md. It is started at the first call, and after a failure."""
+    """A program that keeps the protocol of docs/protocol.md. It is started at the first call,
+    and after a failure.
+    """
 
     def __init__(
         self,
@@ -51,7 +55,9 @@ class Program:
         self.lock = threading.Lock()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle only the command and the limits, so that another process starts its own program at its first call."""
+        """Pickle only the command and the limits, so that another process starts its own program at
+        its first call.
+        """
         left = None if self.run_timeout is None else max(0.0, self.until - time.monotonic())
         timed = partial(Program, call_timeout=self.call_timeout, start_timeout=self.start_timeout)
         return partial(timed, run_timeout=left, line_limit=self.line_limit), (self.command,)
@@ -64,7 +70,9 @@ class Program:
             return self.said
 
     def ask(self, body: str) -> tuple[str, Any]:
-        """Send a message with a new id and the JSON text `body`; return the answer's kind ("y_next", …) and value."""
+        """Send a message with a new id and the JSON text `body`;
+        return the answer's kind ("y_next", …) and value.
+        """
         with self.lock:
             child = self._running()
             answer = self._exchange(child, body, self.call_timeout)
@@ -79,7 +87,9 @@ class Program:
             return given[0], answer[given[0]]
 
     def stop(self, say: bool = True) -> str:
-        """End the program by a message or by closing its input; return how it ended, or "" if none was running."""
+        """End the program by a message or by closing its input; return how it ended,
+        or "" if none was running.
+        """
         with self.lock:
             child, self.child = self.child, None
             if child is None or child.owner != os.getpid():
@@ -152,21 +162,24 @@ class Program:
             truncation=greeting.truncation,
             increments=greeting.increments,
             batched=True,
-            # A program without polynomial problems is restricted to its named ones, or a search would waste cases.
+            # A program without polynomial problems is restricted to its named ones, or a search
+            # would waste cases.
             problems=()
             if greeting.polynomial
             else tuple(name for name in greeting.problems if name in PAPER),
         )
 
     def step(self, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        """Make one step with the program, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
+        """Make one step with the program, for y of shape (d,) or (d, M) and dW of shape (m,)
+        or (m, M).
 
         Raises
         ------
         Skipped
             If the program refuses the problem.
         StepRefused
-            If the program reports that the step cannot be made. In a batch the failing state is not known.
+            If the program reports that the step cannot be made. In a batch the failing state is not
+            known.
         WrongShape, NotFinite
             If states break the contract of ``step``.
         ProgramError
@@ -203,14 +216,16 @@ def load_program(
     run_timeout: float | None = None,
     line_limit: int = LINE_LIMIT,
 ) -> Iterator[Scheme]:
-    """Run a program as a scheme during a ``with`` block. The end of the block ends its process group.
+    """Run a program as a scheme during a ``with`` block.
+    The end of the block ends its process group.
 
     Parameters
     ----------
     command : str
         The program and its arguments, split as by a POSIX shell, but no shell is started.
     call_timeout, start_timeout : float
-        Seconds for one message and its answer, and for the first message, which has its own limit for slow starts.
+        Seconds for one message and its answer, and for the first message, which has its own limit
+        for slow starts.
     run_timeout : float, optional
         Seconds for all messages together.
 
@@ -251,9 +266,11 @@ def load_program(
 
 @contextmanager
 def _ended_by_signals(program: Program) -> Iterator[None]:
-    """End the program at SIGTERM and SIGHUP, which unwind no Python code, unless they have another handler.
+    """End the program at SIGTERM and SIGHUP, which unwind no Python code,
+    unless they have another handler.
 
-    The handlers of several programs follow each other: each ends its own program, and sends the signal again.
+    The handlers of several programs follow each other: each ends its own program, and sends the
+    signal again.
     """
 
     def end(number: int, _frame: object) -> None:
@@ -275,7 +292,9 @@ def _ended_by_signals(program: Program) -> Iterator[None]:
 
 
 def _ends(handler: Any) -> bool:
-    """True for a signal's handler that ends this process: the system's, or one of `_ended_by_signals`."""
+    """True for a signal's handler that ends this process: the system's,
+    or one of `_ended_by_signals`.
+    """
     return handler is signal.SIG_DFL or getattr(handler, "__module__", "") == __name__
 
 

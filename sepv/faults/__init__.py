@@ -1,8 +1,9 @@
-"""Fault detection: schemes broken on purpose (saboteurs), with one fault each, and the laws that find each fault.
+"""Fault detection: schemes broken on purpose (saboteurs), with one fault each,
+and the laws that find each fault.
 
-The saboteurs are installed with sepv, because `sepv teeth` runs the suite on them. Read `saboteurs` first (the broken
-schemes, by family), then `detection`. Right schemes that look unusual are in `benchmarks.right_schemes`, which is not
-installed.
+The saboteurs are installed with sepv, because `sepv teeth` runs the suite on them. Read `saboteurs`
+first (the broken schemes, by family), then `detection`. Right schemes that look unusual are in
+`benchmarks.right_schemes`, which is not installed.
 """
 
 from __future__ import annotations

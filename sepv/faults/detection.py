@@ -1,7 +1,9 @@
-"""Fault detection: run laws on saboteurs (schemes broken on purpose), and count inputs to the first violation.
+"""Fault detection: run laws on saboteurs (schemes broken on purpose),
+and count inputs to the first violation.
 
-A law kills a saboteur with a seed if the saboteur claims the law and the verdict is `violated`. A fault of the
-interface, or a faulty port, is also killed by the verdict `error`, which no reader mistakes for a pass.
+A law kills a saboteur with a seed if the saboteur claims the law and the verdict is `violated`. A
+fault of the interface, or a faulty port, is also killed by the verdict `error`, which no reader
+mistakes for a pass.
 """
 
 from __future__ import annotations
@@ -30,8 +32,8 @@ from .saboteurs import SABOTEURS, Saboteur
 SEEDS = tuple(range(10))
 # The time limit of one law in seconds. A law takes one to ten; a slower saboteur ends in an error.
 TIMEOUT = 120.0
-# No checks are spent on simplifying a counterexample. So `Finding.checks` is the number of examples up to and including
-# the first failure.
+# No checks are spent on simplifying a counterexample. So `Finding.checks` is the number of examples
+# up to and including the first failure.
 _NO_SHRINKING = 0
 # The families of saboteurs with broken interfaces, for which an error is a finding.
 BY_ERROR = ("interface", "twins")
@@ -54,7 +56,8 @@ class Detection:
 
     @property
     def kills(self) -> bool:
-        """True if this law finds this fault: the saboteur claims the law, and the verdict is `violated`.
+        """True if this law finds this fault: the saboteur claims the law,
+        and the verdict is `violated`.
 
         A fault of the families `BY_ERROR` is also found by the verdict `error`.
         """
@@ -79,11 +82,13 @@ def run(
     first: bool = False,
     workers: int = 2,
 ) -> list[Detection]:
-    """Run laws on saboteurs, each saboteur and seed in a worker process. Raises UsageError for an unknown name.
+    """Run laws on saboteurs, each saboteur and seed in a worker process.
+    Raises UsageError for an unknown name.
 
-    `progress` is called in this process after each saboteur and seed. The default effort is that of `sepv verify`, but
-    without the stored counterexamples, many of which come from saboteurs and would not test the search. If `first` is
-    true, a saboteur's laws stop once a law finds the fault; laws that find it by theory run first.
+    `progress` is called in this process after each saboteur and seed. The default effort is that of
+    `sepv verify`, but without the stored counterexamples, many of which come from saboteurs and
+    would not test the search. If `first` is true, a saboteur's laws stop once a law finds the
+    fault; laws that find it by theory run first.
     """
     chosen = [find(name) for name in (SABOTEURS if names is None else names)]
     law_names = [law.name for law in load_laws(ALL_LAWS if laws is None else laws)]
@@ -146,7 +151,9 @@ def find(name: str) -> Saboteur:
 
 
 def survivors(detections: Sequence[Detection]) -> dict[str, list[int]]:
-    """Map each saboteur to the seeds with which no claimed law found its fault; others are left out."""
+    """Map each saboteur to the seeds with which no claimed law found its fault;
+    others are left out.
+    """
     killed = {(b.saboteur, b.seed) for b in detections if b.kills}
     by_saboteur: dict[str, list[int]] = {}
     for name, seed in sorted({(b.saboteur, b.seed) for b in detections} - killed):
@@ -166,13 +173,17 @@ def found_by_one_law(detections: Sequence[Detection]) -> dict[str, list[str]]:
 
 
 def missed(detections: Sequence[Detection]) -> list[tuple[str, str]]:
-    """Pairs (saboteur, law) where theory says that the law finds the fault, but it did so with no seed."""
+    """Pairs (saboteur, law) where theory says that the law finds the fault,
+    but it did so with no seed.
+    """
     seen = {(b.saboteur, b.law) for b in detections if b.kills}
     return [p for p in dict.fromkeys((b.saboteur, b.law) for b in detections if b.expected) if p not in seen]
 
 
 def examples_to_kill(detections: Sequence[Detection]) -> dict[tuple[str, int], int]:
-    """Map (saboteur, seed) to the fewest examples after which a law found the fault; faults not found are left out."""
+    """Map (saboteur, seed) to the fewest examples after which a law found the fault;
+    faults not found are left out.
+    """
     fewest: dict[tuple[str, int], int] = {}
     for b in detections:
         if b.kills:
@@ -182,7 +193,9 @@ def examples_to_kill(detections: Sequence[Detection]) -> dict[tuple[str, int], i
 
 
 def show(detections: Sequence[Detection], out: Console) -> None:
-    """Print the matrix of saboteurs and laws, its legend, pairs that theory expects but are missing, and a count."""
+    """Print the matrix of saboteurs and laws, its legend,
+    pairs that theory expects but are missing, and a count.
+    """
     laws, table = list(dict.fromkeys(b.law for b in detections)), matrix(detections)
     wide = not fits(table, out)
     print_table(listing(detections) if wide else table, out)
@@ -204,7 +217,9 @@ def show(detections: Sequence[Detection], out: Console) -> None:
 
 
 def matrix(detections: Sequence[Detection]) -> Table:
-    """A table of saboteurs and laws; the last column counts the seeds with which a law found the fault."""
+    """A table of saboteurs and laws; the last column counts the seeds with which a law found the
+    fault.
+    """
     laws = list(dict.fromkeys(b.law for b in detections))
     heads = columns(["saboteur"], [*map(abbreviation, laws), "killed"])
     rows = _rows(detections)
@@ -223,7 +238,9 @@ def listing(detections: Sequence[Detection]) -> Table:
 
 
 def _rows(detections: Sequence[Detection]) -> Iterator[tuple[str, Text, dict[str, Text]]]:
-    """For each saboteur its name, the number of seeds with which it was found, and a table cell for each law."""
+    """For each saboteur its name, the number of seeds with which it was found,
+    and a table cell for each law.
+    """
     alive, by_law = survivors(detections), dict[str, dict[str, list[Detection]]]()
     for b in detections:
         by_law.setdefault(b.saboteur, {}).setdefault(b.law, []).append(b)
@@ -235,7 +252,9 @@ def _rows(detections: Sequence[Detection]) -> Iterator[tuple[str, Text, dict[str
 
 
 def summary(detections: Sequence[Detection]) -> Text:
-    """The last line of the report: how many saboteurs were found with every seed, and after how many examples."""
+    """The last line of the report: how many saboteurs were found with every seed,
+    and after how many examples.
+    """
     names, alive = {b.saboteur for b in detections}, survivors(detections)
     fewest = examples_to_kill(detections)
     seeds = len({b.seed for b in detections})
@@ -254,7 +273,8 @@ def summary(detections: Sequence[Detection]) -> Text:
 
 
 def abbreviation(law: str) -> str:
-    """The abbreviation of a law's name: the initials of several words, or the first letters of one word, at least 3.
+    """The abbreviation of a law's name: the initials of several words,
+    or the first letters of one word, at least 3.
 
     The initial of a part comes after a colon.
     """
@@ -269,7 +289,8 @@ def abbreviation(law: str) -> str:
     return next(law[:n] for n in lengths if n == len(law) or sum(o.startswith(law[:n]) for o in alone) < 2)
 
 
-# Signs and styles of verdicts by precedence; a cell shows the first of these verdicts that occurred.
+# Signs and styles of verdicts by precedence; a cell shows the first of these verdicts that
+# occurred.
 _SIGNS = {
     Verdict.ERROR: ("e", "magenta"), Verdict.INCONCLUSIVE: ("?", "yellow"), Verdict.NOT_APPLICABLE: ("n/a", "dim")
 }  # fmt: skip

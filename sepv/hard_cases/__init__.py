@@ -1,4 +1,5 @@
-"""Hard cases: steps at which schemes and solvers break, each with the reason and the behaviour of a right solver.
+"""Hard cases: steps at which schemes and solvers break,
+each with the reason and the behaviour of a right solver.
 
 `CATALOGUE` lists them all; `sepv hard` runs a scheme on them.
 """
@@ -15,7 +16,9 @@ CATALOGUE: tuple[HardCase, ...] = (*_steps.CASES, *_mechanics.CASES, *_scales.CA
 
 
 def by_name(name: str) -> HardCase:
-    """The hard case of this name, with hyphens or underscores. Raises UsageError for an unknown name."""
+    """The hard case of this name, with hyphens or underscores.
+    Raises UsageError for an unknown name.
+    """
     for case in CATALOGUE:
         if case.name == name.replace("_", "-"):
             return case

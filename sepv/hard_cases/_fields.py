@@ -1,4 +1,6 @@
-"""Hard cases of the matrix B(y): components at rest, low rank, zeros, a small symmetric part, dimension 1."""
+"""Hard cases of the matrix B(y): components at rest, low rank, zeros, a small symmetric part,
+dimension 1.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,8 @@ _RANK_2 = PolynomialSystem(
     (),
     tuple(tuple(float(i == k) for i in range(6)) for k in range(2, 6)),
 )
-# B = |y|² hat(y) vanishes to third order at y = 0, but ∇H does not vanish, because H has a linear part.
+# B = |y|² hat(y) vanishes to third order at y = 0, but ∇H does not vanish, because H has a linear
+# part.
 _NORM = poly.squares((2.0, 2.0, 2.0))
 _VANISHING = PolynomialSystem(
     3, poly.add(poly.squares((1.0, 2.0, 3.0)), poly.linear((1.0, 0.5, 0.0))), hat(_NORM), (1.0,), (UNIT3,)
@@ -46,7 +49,9 @@ def _about_the_zero(rng: np.random.Generator, lanes: int) -> Array:
 
 
 def _nearly_skew(skewness: float, text: str, expected: str) -> HardCase:
-    """The hard case of B = J⁻¹ with `skewness` added above the diagonal, so that B is not quite skew."""
+    """The hard case of B = J⁻¹ with `skewness` added above the diagonal,
+    so that B is not quite skew.
+    """
     H = poly.polynomial(2, {(2, 0): 0.5, (0, 4): 0.25, (0, 2): 0.5})
 
     def structure(y: Array) -> Array:

@@ -1,4 +1,6 @@
-"""The class of hard cases, which are families of steps that are hard to solve, and helpers to draw such steps."""
+"""The class of hard cases, which are families of steps that are hard to solve,
+and helpers to draw such steps.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ REFUSALS = ("NO_CONVERGENCE", "LEFT_DOMAIN", "OVERFLOW", "SINGULAR")
 
 
 class Sample(NamedTuple):
-    """Random steps of a hard case: M states y (d, M), a step size h for all, and increments dW (m, M)."""
+    """Random steps of a hard case: M states y (d, M), a step size h for all,
+    and increments dW (m, M).
+    """
 
     y: Array
     h: float
@@ -36,7 +40,8 @@ class HardCase:
     expected : str
         The behaviour of a right solver, and why.
     data : PolynomialSystem or NamedProblem
-        The problem as data, which can be sent to other processes; its H is evaluated in extended precision.
+        The problem as data, which can be sent to other processes; its H is evaluated in extended
+        precision.
     sample : (rng, lanes) -> Sample
         Draws M = `lanes` random steps of the family.
     refusals : tuple of str
@@ -71,7 +76,9 @@ class HardCase:
 
 
 def sizes(rng: np.random.Generator, low: float, high: float, shape: int | tuple[int, ...]) -> Array:
-    """Random numbers of either sign, whose absolute values have a uniform logarithm between `low` and `high`."""
+    """Random numbers of either sign, whose absolute values have a uniform logarithm between `low`
+    and `high`.
+    """
     exponents = rng.uniform(np.log10(low), np.log10(high), shape)
     values: Array = rng.choice([-1.0, 1.0], shape) * 10.0**exponents
     return values
@@ -80,9 +87,11 @@ def sizes(rng: np.random.Generator, low: float, high: float, shape: int | tuple[
 def split(
     rng: np.random.Generator, low: float, high: float, lanes: int, c: float = 1.0
 ) -> tuple[float, Array]:
-    """A step size h and increments dW (1, lanes) that give random steps Δ = h + c dW with `low` ≤ |Δ| ≤ `high`.
+    """A step size h and increments dW (1, lanes) that give random steps Δ = h + c dW with `low`
+    ≤ |Δ| ≤ `high`.
 
-    Δ has either sign. As h = `low`/2, a large |Δ| needs an increment dW far in the tail of the normal distribution.
+    Δ has either sign. As h = `low`/2, a large |Δ| needs an increment dW far in the tail of the
+    normal distribution.
     """
     h = 0.5 * low
     return h, (sizes(rng, low, high, (1, lanes)) - h) / c
@@ -94,10 +103,14 @@ Sampler = Callable[[np.random.Generator, int], Sample]
 def steps(
     low: float, high: float, states: Callable[[np.random.Generator, int], Array], c: float = 1.0
 ) -> Sampler:
-    """Make a sampler: it draws `lanes` states (d, lanes) by `states`, and Δ with `low` ≤ |Δ| ≤ `high` by `split`."""
+    """Make a sampler: it draws `lanes` states (d, lanes) by `states`,
+    and Δ with `low` ≤ |Δ| ≤ `high` by `split`.
+    """
     return lambda rng, lanes: Sample(states(rng, lanes), *split(rng, low, high, lanes, c))
 
 
 def box(d: int, low: float, high: float) -> Sampler:
-    """Make a sampler: it draws components of y between −1.5 and 1.5, and Δ with `low` ≤ |Δ| ≤ `high` by `split`."""
+    """Make a sampler: it draws components of y between −1.5 and 1.5,
+    and Δ with `low` ≤ |Δ| ≤ `high` by `split`.
+    """
     return steps(low, high, lambda rng, lanes: rng.uniform(-1.5, 1.5, (d, lanes)))

@@ -1,6 +1,8 @@
-"""Hard cases of the state y: separatrices, extreme inertia, large angles, chaos, collisions, steep walls.
+"""Hard cases of the state y: separatrices, extreme inertia, large angles, chaos, collisions,
+steep walls.
 
-The last two cases are of the Lotka-Volterra system (§4.4): states next to the axes, steps that may have no solution.
+The last two cases are of the Lotka-Volterra system (§4.4): states next to the axes, steps that may
+have no solution.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ def _rigid(inertia: tuple[float, float, float]) -> NamedProblem:
 
 
 def _middle_axis(rng: np.random.Generator, lanes: int) -> Array:
-    """Rigid-body states next to the unstable rotation about the middle axis, at distances from 1e-16 to 0.1."""
+    """Rigid-body states next to the unstable rotation about the middle axis,
+    at distances from 1e-16 to 0.1.
+    """
     signs = [-1.0, 1.0]
     return np.stack([sizes(rng, 1e-16, 0.1, lanes), rng.choice(signs, lanes), sizes(rng, 1e-16, 0.1, lanes)])
 
@@ -38,14 +42,18 @@ def _spread_inertia(rng: np.random.Generator, lanes: int) -> Array:
 
 
 def _separatrix(rng: np.random.Generator, lanes: int) -> Array:
-    """Pendulum states with H = 1, the separatrix: p = ±2 cos(q/2), with q down to 1e-16 from the upper equilibrium."""
+    """Pendulum states with H = 1, the separatrix: p = ±2 cos(q/2),
+    with q down to 1e-16 from the upper equilibrium.
+    """
     q = rng.choice([-1.0, 1.0], lanes) * (np.pi - np.abs(sizes(rng, 1e-16, np.pi, lanes)))
     p = 2 * np.cos(q / 2) * rng.choice([-1.0, 1.0], lanes)
     return np.stack([p, q])
 
 
 def _chaos(rng: np.random.Generator, lanes: int) -> Array:
-    """Chaotic states of Hénon-Heiles: H between 1/8 and 1/6, inside the triangle that bounds the motion."""
+    """Chaotic states of Hénon-Heiles: H between 1/8 and 1/6,
+    inside the triangle that bounds the motion.
+    """
     radius, angle = 0.3 * np.sqrt(rng.random(lanes)), rng.uniform(0, 2 * np.pi, lanes)
     q = np.stack([radius * np.cos(angle), radius * np.sin(angle)])
     potential = 0.5 * (q * q).sum(axis=0) + q[0] * q[0] * q[1] - q[1] ** 3 / 3
@@ -66,7 +74,9 @@ def _eccentric(rng: np.random.Generator, lanes: int) -> Array:
 
 
 def _collision(rng: np.random.Generator, lanes: int) -> Array:
-    """Kepler states that nearly collide: the segment from q0 to q1 passes the centre at a distance of 1e-12 to 1e-2."""
+    """Kepler states that nearly collide: the segment from q0 to q1 passes the centre at a distance
+    of 1e-12 to 1e-2.
+    """
     y = np.zeros((4, lanes))
     y[2], y[3] = rng.uniform(0.05, 0.5, lanes), sizes(rng, 1e-12, 1e-2, lanes)
     y[0] = -np.sqrt(2 / y[2])
@@ -74,7 +84,9 @@ def _collision(rng: np.random.Generator, lanes: int) -> Array:
 
 
 def _steep(rng: np.random.Generator, lanes: int) -> Array:
-    """Toda states: forces exp(q_i − q_{i+1}) from e^−300 to e^300, and momenta for which Newton's method overshoots."""
+    """Toda states: forces exp(q_i − q_{i+1}) from e^−300 to e^300,
+    and momenta for which Newton's method overshoots.
+    """
     y = np.zeros((6, lanes))
     y[:3] = sizes(rng, 1e-2, 1e3, (3, lanes))
     gaps = rng.uniform(-300, 10, (2, lanes))
@@ -85,7 +97,9 @@ def _steep(rng: np.random.Generator, lanes: int) -> Array:
 
 
 def _axes(rng: np.random.Generator, lanes: int) -> Array:
-    """States of Lotka-Volterra near the axes: each component is about 1, or tiny, down to 1e-150."""
+    """States of Lotka-Volterra near the axes: each component is about 1, or tiny, down to
+    1e-150.
+    """
     small, size = rng.random((3, lanes)) < 0.5, np.abs(sizes(rng, 1e-150, 1e-3, (3, lanes)))
     return np.where(small, size, rng.uniform(0.3, 2, (3, lanes)))
 

@@ -1,4 +1,6 @@
-"""Hard cases of scale: coefficients that cancel, huge constants, mixed or extreme magnitudes, stiffness."""
+"""Hard cases of scale: coefficients that cancel, huge constants, mixed or extreme magnitudes,
+stiffness.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Hard cases of the random step Δ = h + Σ c_j ΔW_j: tiny, zero, of either sign, at the truncation bound and beyond."""
+"""Hard cases of the random step Δ = h + Σ c_j ΔW_j: tiny, zero, of either sign,
+at the truncation bound and beyond.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ def _about_one(rng: np.random.Generator, d: int, lanes: int) -> np.ndarray:
 
 
 def _tiny(rng: np.random.Generator, lanes: int) -> Sample:
-    """Steps of one tiny h ≤ 1e-12: half have |ΔW| from 1e-300 to 1e-12, half ΔW = √h ξ with ξ ~ N(0, 1)."""
+    """Steps of one tiny h ≤ 1e-12: half have |ΔW| from 1e-300 to 1e-12,
+    half ΔW = √h ξ with ξ ~ N(0, 1).
+    """
     h = 10.0 ** rng.uniform(-300, -12)
     dW = np.sqrt(h) * rng.standard_normal((1, lanes))
     extreme = rng.random(lanes) < 0.5
@@ -36,7 +40,9 @@ def _cancelling(rng: np.random.Generator, lanes: int) -> Sample:
 
 
 def _truncated(rng: np.random.Generator, lanes: int) -> Sample:
-    """Increments ΔW = ±t √h A_h, with Remark 2.1's bound A_h = √(4|ln h|): half have t = 1, half 1 < t ≤ 4."""
+    """Increments ΔW = ±t √h A_h, with Remark 2.1's bound A_h = √(4|ln h|): half have t = 1,
+    half 1 < t ≤ 4.
+    """
     h = 2.0 ** -rng.integers(1, 12)
     bound = np.sqrt(h) * np.sqrt(4 * abs(np.log(h)))
     factor = np.where(rng.random((1, lanes)) < 0.5, 1.0, rng.uniform(1, 4, (1, lanes)))

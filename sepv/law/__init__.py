@@ -1,8 +1,9 @@
-"""The record of a law and its verdicts, the cases on which it is measured, its bounds, and the search for a violation.
+"""The record of a law and its verdicts, the cases on which it is measured, its bounds,
+and the search for a violation.
 
-Read `_law` first (a law, its verdict, a run's effort). `cases` has the test cases, `tolerance` every bound, `search`
-measures a law about single steps. `strategies` draws cases by Hypothesis. The laws themselves are in
-`sepv.properties`, one a file, and a run of them is in `sepv.verification`.
+Read `_law` first (a law, its verdict, a run's effort). `cases` has the test cases, `tolerance`
+every bound, `search` measures a law about single steps. `strategies` draws cases by Hypothesis. The
+laws themselves are in `sepv.properties`, one a file, and a run of them is in `sepv.verification`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""The factor by which solving y1 = y0 + R(y0, y1) amplifies errors of R, for laws that compare two results."""
+"""The factor by which solving y1 = y0 + R(y0, y1) amplifies errors of R,
+for laws that compare two results.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +16,14 @@ from sepv.schemes import Scheme, gauss_amplification
 
 
 def amplification(scheme: Scheme, case: Case) -> float:
-    """A bound of ‖(I − ∂R/∂y1)⁻¹‖_∞ for a step y1 = y0 + R, if R is known to contract by a factor κ.
+    """A bound of ‖(I − ∂R/∂y1)⁻¹‖_∞ for a step y1 = y0 + R,
+    if R is known to contract by a factor κ.
 
     It is 1/(1 − κ) if R contracts in |·|_∞, and |I + R′(I − R′)⁻¹|_∞ ≤ 1 + √d κ/(1 − κ) if it
     contracts in |·|_2 (`contraction_radius`), which is the larger of both.
     """
-    # For several Hamiltonians that are functions, R contracts inside a measured radius; no reference has the equation.
+    # For several Hamiltonians that are functions, R contracts inside a measured radius; no
+    # reference has the equation.
     problem = case.build()[0]
     if has_majorants(case) or isinstance(problem, HamiltoniansProblem):
         factor = CONTRACTION * gauss_amplification(scheme.stages)

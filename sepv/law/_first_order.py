@@ -1,18 +1,22 @@
-"""The first-order response of a step beside the true field, component by component: it names the cause of many faults.
+"""The first-order response of a step beside the true field, component by component:
+it names the cause of many faults.
 
-A consistent step has y1 − y0 = h f_0(y0) + Σ_j c_jΔW_j f_j(y0) + higher orders in h and ΔW ~ √h, with the fields f_j of
-the system (all equal to B∇H for (1.1)). Two limits as h → 0 are measured from a few states y0:
+A consistent step has y1 − y0 = h f_0(y0) + Σ_j c_jΔW_j f_j(y0) + higher orders in h and ΔW ~ √h,
+with the fields f_j of the system (all equal to B∇H for (1.1)). Two limits as h → 0 are measured
+from a few states y0:
 
 - drift: (y1 − y0)/h with ΔW = 0, which is f_0 + O(h); the values for h and h/2 are extrapolated;
-- noise j: half the difference of the ends for ΔW_j = √h and ΔW_j = −√h, divided by c_j√h. Terms of even powers of ΔW_j
-  cancel, so that it is f_j + O(h).
+- noise j: half the difference of the ends for ΔW_j = √h and ΔW_j = −√h, divided by c_j√h. Terms of
+  even powers of ΔW_j cancel, so that it is f_j + O(h).
 
-If a component moves by another share of its field than 1, the share names the cause: 0.50 is half a kick, −1.00 a wrong
-sign, a mass is a missing factor. If the share changes like a power of h, the scheme multiplies by that power.
+If a component moves by another share of its field than 1, the share names the cause: 0.50 is half a
+kick, −1.00 a wrong sign, a mass is a missing factor. If the share changes like a power of h, the
+scheme multiplies by that power.
 
-**Itô's correction.** The mean of y1 − y0 over ΔW_j = ±√h is h(f_0 + s) + O(h²), s = ½Σ_j c_j²f_j′f_j, for every scheme
-with the right limit: a scheme in Itô's form adds hs, one in Stratonovich's form has it from ΔW_j². The share of s in
-the mean is measured too. A drift that differs from f_0 by s alone is right.
+**Itô's correction.** The mean of y1 − y0 over ΔW_j = ±√h is h(f_0 + s) + O(h²), s = ½Σ_j
+c_j²f_j′f_j, for every scheme with the right limit: a scheme in Itô's form adds hs, one in
+Stratonovich's form has it from ΔW_j². The share of s in the mean is measured too. A drift that
+differs from f_0 by s alone is right.
 """
 
 from __future__ import annotations
@@ -39,20 +43,25 @@ from sepv.problem import (
 )
 from sepv.schemes import Scheme, StatefulStep, ask_next
 
-# The step size in the problem's unit of time, and the factor of a second one, which shows powers of h.
+# The step size in the problem's unit of time, and the factor of a second one, which shows powers
+# of h.
 STEP, FINER = 2.0**-12, 2.0**-4
-# A component is not measured from a state where its field is smaller than SMALLEST_SHARE of the largest component.
+# A component is not measured from a state where its field is smaller than SMALLEST_SHARE of the
+# largest component.
 SMALLEST_SHARE = 1e-3
 # Shares are right within RIGHT: errors are O(h) = O(STEP). A power of h of at least POWER is named.
 RIGHT, POWER = 0.01, 0.2
-# The number of components that are listed if they differ, and the number of earlier steps of a scheme with memory.
+# The number of components that are listed if they differ, and the number of earlier steps of a
+# scheme with memory.
 LISTED, LATER = 8, 7
-# Itô's correction is right within this share: its error is O(h) relative to it, and it is smaller than the drift.
+# Itô's correction is right within this share: its error is O(h) relative to it, and it is smaller
+# than the drift.
 CORRECTION_TOLERANCE = 0.05
 
 
 def first_order(scheme: Scheme, problem: Problem) -> list[str]:
-    """Lines about components that do not move like the fields of a problem; empty if all do, or nothing was measured.
+    """Lines about components that do not move like the fields of a problem; empty if all do,
+    or nothing was measured.
 
     For a scheme that carries a state, steps from the middle of a path are measured too.
     """
@@ -87,7 +96,9 @@ def _wrong(scheme: Scheme, problem: Problem, before: int) -> list[str]:
 
 
 def _correction(scheme: Scheme, problem: Problem, h: float) -> float:
-    """The share of Itô's correction s in the mean of y1 − y0; NaN if s is unknown, small or not measured."""
+    """The share of Itô's correction s in the mean of y1 − y0; NaN if s is unknown,
+    small or not measured.
+    """
     if isinstance(problem, StructuresProblem) or not problem.noises:
         return np.nan
     found = []
@@ -104,7 +115,9 @@ def _correction(scheme: Scheme, problem: Problem, h: float) -> float:
 
 
 def _mean(scheme: Scheme, problem: Problem, y: Array, h: float) -> Array:
-    """(E[y1] − y0)/h for independent ΔW_j = ±√h, up to O(h): from steps with one nonzero ΔW_j each."""
+    """(E[y1] − y0)/h for independent ΔW_j = ±√h, up to O(h): from steps with one nonzero ΔW_j
+    each.
+    """
     none = np.zeros(problem.noises)
     still = ask_next(scheme, problem, y, None, h, none)[0]
     total = still - y
@@ -117,7 +130,8 @@ def _mean(scheme: Scheme, problem: Problem, y: Array, h: float) -> Array:
 
 
 def _shares(scheme: Scheme, problem: Problem, j: int, h: float, before: int) -> Array:
-    """The shares (S, d) of the field of part j (0: drift, else noise j) by which components move, from S states.
+    """The shares (S, d) of the field of part j (0: drift, else noise j) by which components move,
+    from S states.
 
     Components whose field is small, and states from which a step fails, are NaN.
     """
@@ -136,7 +150,9 @@ def _shares(scheme: Scheme, problem: Problem, j: int, h: float, before: int) -> 
 
 
 def _moved(scheme: Scheme, problem: Problem, y0: Array, j: int, h: float, before: int) -> tuple[Array, Array]:
-    """A state y on a path from y0, after `before` steps without noise, and the response of the next step from y."""
+    """A state y on a path from y0, after `before` steps without noise,
+    and the response of the next step from y.
+    """
 
     def end(h: float, noise: float) -> tuple[Array, Array]:
         y, state, dW = y0, None, np.zeros(problem.noises)
@@ -164,7 +180,9 @@ def _field(problem: Problem, y: Array, j: int) -> Array:
 
 
 def _line(problem: Problem, j: int, coarse: Array, fine: Array, h: float) -> str:
-    """The line about part j, from the shares with h and with FINER times h; empty if all known shares are 1."""
+    """The line about part j, from the shares with h and with FINER times h;
+    empty if all known shares are 1.
+    """
     known = ~np.isnan(coarse) & ~np.isnan(fine)
     if not known.any() or np.all(np.abs(fine[known] - 1) <= RIGHT):
         return ""

@@ -1,4 +1,6 @@
-"""Records of a law (a property of one-step methods and its measurement), of its verdict, and of a run's effort."""
+"""Records of a law (a property of one-step methods and its measurement), of its verdict,
+and of a run's effort.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,9 @@ class Verdict(Enum):
         return self.value.replace("_", " ")
 
     def of(self, number: int) -> str:
-        """Words for a `number` of laws with this verdict, such as: 1 holds, 2 hold, 3 violated, 2 errors."""
+        """Words for a `number` of laws with this verdict, such as: 1 holds, 2 hold, 3 violated,
+        2 errors.
+        """
         plural = {Verdict.HOLDS: "hold", Verdict.ERROR: "errors"}
         return f"{number} {self.text if number == 1 else plural.get(self, self.text)}"
 
@@ -52,7 +56,9 @@ class Middle(Enum):
 
 @dataclass(frozen=True)
 class Measurement:
-    """One measurement of a law: the defect and the bound derived for it, in the law's `unit`, and a line of text."""
+    """One measurement of a law: the defect and the bound derived for it, in the law's `unit`,
+    and a line of text.
+    """
 
     defect: float
     bound: float
@@ -72,9 +78,11 @@ class Measurement:
 
 
 def to_bound(defect: float | None, bound: float | None, *, at_least: bool, violated: bool) -> float | None:
-    """The ratio defect/bound of a law, or bound/defect for a lower bound; a law whose ratio is above 1 is violated.
+    """The ratio defect/bound of a law, or bound/defect for a lower bound;
+    a law whose ratio is above 1 is violated.
 
-    The ratio is None if nothing was measured, and ∞ if the defect is not finite or a bound 0 is exceeded.
+    The ratio is None if nothing was measured, and ∞ if the defect is not finite or a bound 0 is
+    exceeded.
     """
     if bound is None or (defect is None and not violated):
         return None
@@ -94,7 +102,8 @@ class Finding:
     defect, bound : float or None
         The worst measurement, in `unit`; None if nothing was measured.
     witness : dict or None
-        The input that shows a violation or an error: a `sepv.verification.Case` as JSON, or the setup of paths.
+        The input that shows a violation or an error: a `sepv.verification.Case` as JSON, or the
+        setup of paths.
     replay : str
         Arguments after ``sepv verify TARGET`` that measure the witness again.
     checks : int
@@ -106,20 +115,24 @@ class Finding:
     traceback : str
         The traceback of an exception that the scheme raised.
     expected : str or None
-        If the law was expected to fail, the reason. The law was then measured on a stored witness alone.
+        If the law was expected to fail, the reason. The law was then measured on a stored witness
+        alone.
     skipped : int
         The number of cases that the scheme refuses (`sepv.errors.Skipped`).
     share : float or None
-        The fraction of the law's cases that was measured, if the scheme skipped cases that it must not refuse.
+        The fraction of the law's cases that was measured, if the scheme skipped cases that it must
+        not refuse.
     afresh : str
-        For a violation, the verdict on its witness in a new process; empty if there was no such process.
+        For a violation, the verdict on its witness in a new process; empty if there was no such
+        process.
     power : float or None
-        For a violation of an invariant or a structure (`Law.preserves`), the power of h with which the defect falls at
-        its witness; None if it is not clear.
+        For a violation of an invariant or a structure (`Law.preserves`), the power of h with which
+        the defect falls at its witness; None if it is not clear.
     along : tuple of (law, witness)
         For a law about paths, steps of its paths that a law about single steps should measure.
     step_seconds : float or None
-        Seconds for a step of one state, if the law timed it. They help to estimate a run's remaining time.
+        Seconds for a step of one state, if the law timed it. They help to estimate a run's
+        remaining time.
     """
 
     law: str
@@ -163,7 +176,9 @@ class Finding:
 
     @property
     def words(self) -> str:
-        """The finding as one line, such as: casimir (Prop. 3.2) violated: 1.2e+09 against 51 ulp of C."""
+        """The finding as one line, such as: casimir (Prop. 3.2) violated:
+        1.2e+09 against 51 ulp of C.
+        """
         size = ""
         if self.defect is not None and self.bound is not None:
             size = f": {self.defect:.3g} against {self.bound:.3g} {self.unit}"
@@ -172,14 +187,18 @@ class Finding:
 
 
 def verdict_text(verdict: Verdict, share: float | None, afresh: str) -> str:
-    """The verdict in words, such as "holds on 71 %" if cases were skipped, or "depends on earlier calls"."""
+    """The verdict in words, such as "holds on 71 %" if cases were skipped,
+    or "depends on earlier calls".
+    """
     if verdict is Verdict.VIOLATED and afresh == Verdict.HOLDS.value:
         return "depends on earlier calls"
     return f"holds on {math.floor(100 * share)} %" if share and verdict is Verdict.HOLDS else verdict.text
 
 
 def same_error(message: str) -> str:
-    """The line of a message by which equal errors are recognized: an error that all laws meet is shown once."""
+    """The line of a message by which equal errors are recognized:
+    an error that all laws meet is shown once.
+    """
     return "".join(message.splitlines()[-3:][:1])
 
 
@@ -190,18 +209,18 @@ class Effort:
     Attributes
     ----------
     examples : int
-        Random examples of Hypothesis for each law. They come after the law's design: a list of cases that covers all
-        ranges of properties such as the dimension.
+        Random examples of Hypothesis for each law. They come after the law's design: a list of
+        cases that covers all ranges of properties such as the dimension.
     designs : int
         Repetitions of a law's design, each with other random numbers in the same ranges.
     paths : int
-        Largest number of paths of a statistical law. For a scheme that takes one state at a time, laws make fewer
-        steps, unless this number is above the default.
+        Largest number of paths of a statistical law. For a scheme that takes one state at a time,
+        laws make fewer steps, unless this number is above the default.
     seed : int
         The seed of examples and paths: the same seed gives the same run.
     shrink_checks : int
-        The most measurements for simplifying a counterexample; 0 leaves it unchanged. This is a number and not a time,
-        so that a finding does not depend on the load of the machine.
+        The most measurements for simplifying a counterexample; 0 leaves it unchanged. This is a
+        number and not a time, so that a finding does not depend on the load of the machine.
     corpus : bool
         True if stored cases that once showed a violation are tried first.
     """
@@ -224,7 +243,8 @@ class Effort:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of laws on one scheme: the effort, and errors that are computed once for several laws.
+    """One run of laws on one scheme: the effort, and errors that are computed once for several
+    laws.
 
     Attributes
     ----------
@@ -263,22 +283,26 @@ class Law:
     always_claimed : bool
         True for the contract of ``step``, which every scheme must obey.
     cost : float
-        Processor seconds that the law needs for scheme (2.1) of the paper, besides its steps. They serve to estimate a
-        run's remaining time. If laws share paths, the cost of the first of these laws includes the paths.
+        Processor seconds that the law needs for scheme (2.1) of the paper, besides its steps. They
+        serve to estimate a run's remaining time. If laws share paths, the cost of the first of
+        these laws includes the paths.
     steps : int
-        The number of steps that the law makes with scheme (2.1) on fixed problems; a step of M states counts M times.
+        The number of steps that the law makes with scheme (2.1) on fixed problems; a step of M
+        states counts M times.
     cases : sepv.verification.Cases or None
         The cases of a law about single steps; None for other laws.
     spared : int
-        The number of steps for a scheme that takes one state a call, if the law then makes fewer steps; else 0.
+        The number of steps for a scheme that takes one state a call, if the law then makes fewer
+        steps; else 0.
     statistical : bool
-        True if the law judges sampled paths, so that its verdict may be false by chance. Statistical laws share the
-        probability of a false alarm of a run evenly.
+        True if the law judges sampled paths, so that its verdict may be false by chance.
+        Statistical laws share the probability of a false alarm of a run evenly.
     middle : sepv.verification.Middle or str
-        How the law is measured in the middle of a path of a scheme with memory, or why it is about first steps only.
+        How the law is measured in the middle of a path of a scheme with memory, or why it is about
+        first steps only.
     preserves : bool
-        True if a step preserves an invariant or a structure by this law about single steps. A violation is then
-        reported with the power of h with which its defect falls.
+        True if a step preserves an invariant or a structure by this law about single steps. A
+        violation is then reported with the power of h with which its defect falls.
     measure : (scheme, case) -> Measurement, optional
         Measures one case of a law about single steps.
     """
@@ -304,7 +328,9 @@ class Law:
         return self.always_claimed or self.name in scheme.claims
 
     def finding(self, verdict: Verdict, **details: Any) -> Finding:
-        """A finding of this law. A defect or bound that is not a number decides nothing: then it is inconclusive."""
+        """A finding of this law. A defect or bound that is not a number decides nothing:
+        then it is inconclusive.
+        """
         unknown = any(math.isnan(details.get(key) or 0.0) for key in ("defect", "bound"))
         if unknown and verdict in (Verdict.HOLDS, Verdict.VIOLATED):
             verdict = Verdict.INCONCLUSIVE
@@ -313,7 +339,9 @@ class Law:
 
 
 def in_units(scheme: Scheme, finding: Finding) -> Finding:
-    """Convert a finding from ulp of binary64 to ulp of the scheme's precision, called ulp32 in single precision."""
+    """Convert a finding from ulp of binary64 to ulp of the scheme's precision,
+    called ulp32 in single precision.
+    """
     ratio = scheme.eps / EPS
     if ratio == 1 or not finding.unit.startswith("ulp"):
         return finding
@@ -325,7 +353,9 @@ Measure = Callable[[Law, Scheme, Run], Finding]
 
 
 def about_noise(run: Measure) -> Measure:
-    """Wrap a law's `run`, so that the law is not applicable to schemes that are only for systems without noise."""
+    """Wrap a law's `run`, so that the law is not applicable to schemes that are only for systems
+    without noise.
+    """
 
     def asked(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         if scheme.deterministic:
@@ -339,14 +369,18 @@ _collected: ContextVar[tuple[list[Finding], Measure | None] | None] = ContextVar
 
 
 def laws_in(module: Any) -> tuple[Law, ...]:
-    """The laws of a file of `sepv.properties`: `laws`, if its law has parts, else `law`; empty for other modules."""
+    """The laws of a file of `sepv.properties`: `laws`, if its law has parts, else `law`;
+    empty for other modules.
+    """
     found = getattr(module, "laws", (getattr(module, "law", None),))
     return tuple(law for law in found if isinstance(law, Law)) if isinstance(found, tuple) else ()
 
 
 @contextmanager
 def collecting(findings: list[Finding], measure: Measure | None = None) -> Iterator[None]:
-    """A context for test runners: in it `require` appends to `findings`, and calls `measure`, if given, to measure."""
+    """A context for test runners: in it `require` appends to `findings`, and calls `measure`,
+    if given, to measure.
+    """
     token = _collected.set((findings, measure))
     try:
         yield
@@ -355,9 +389,11 @@ def collecting(findings: list[Finding], measure: Measure | None = None) -> Itera
 
 
 def require(law: Law, scheme: Scheme, effort: Effort | None = None) -> Finding:
-    """Measure a law in a test and return its finding; raise `LawViolated` if the scheme claims it and it does not hold.
+    """Measure a law in a test and return its finding; raise `LawViolated` if the scheme claims it
+    and it does not hold.
 
-    A claimed law also raises if it is inconclusive or ends in an error; a law that is not claimed never raises.
+    A claimed law also raises if it is inconclusive or ends in an error; a law that is not claimed
+    never raises.
     """
     __tracebackhide__ = True  # hides this frame: pytest then shows the finding and no frames of sepv
     findings, measure = _collected.get() or ([], None)

@@ -1,4 +1,6 @@
-"""Advice on the cause of a violation: one term of the step, a constant with a unit, or a solver's tolerance."""
+"""Advice on the cause of a violation: one term of the step, a constant with a unit,
+or a solver's tolerance.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +26,16 @@ from sepv.schemes import Scheme, ask
 Parts = dict[int, float]
 # A function that measures another case by the violated law; it returns None if that fails.
 MeasuredAgain = Callable[[Case], Measurement | None]
-# Relative defects below this may come from a solver's tolerance: eight times √eps, the default of many solvers.
+# Relative defects below this may come from a solver's tolerance: eight times √eps, the default of
+# many solvers.
 MOST_TOLERANCE = 2.0**-23
 
-# The parts of a step are h and each c_jΔW_j. A part is named if alone it makes at least MOST of the sum of defects. A
-# pair is named if each part alone makes at most LEAST of the pair's defect, and halving a part halves it, within HALF.
+# The parts of a step are h and each c_jΔW_j. A part is named if alone it makes at least MOST of the
+# sum of defects. A pair is named if each part alone makes at most LEAST of the pair's defect, and
+# halving a part halves it, within HALF.
 MOST, LEAST, HALF = 0.95, 1e-3, (0.45, 0.55)
-# The lengths of steps, relative to a case's, that an iteration to a tolerance solves with different numbers of steps.
+# The lengths of steps, relative to a case's, that an iteration to a tolerance solves with different
+# numbers of steps.
 LENGTHS = (1.0, 2.0**-4, 2.0**-10, 2.0**-24)
 # The largest number of parts of a step whose pairs are measured.
 PARTS = 5
@@ -41,14 +46,16 @@ def advice(
 ) -> str:
     """The lines of advice on a violation; empty if no cause is clear.
 
-    `case` is the simplified counterexample, `measured` its measurement, and `largest` the largest defect of the search.
+    `case` is the simplified counterexample, `measured` its measurement, and `largest` the largest
+    defect of the search.
     """
     if (repeated := again(case)) is not None and not repeated.violates:
         return (
             "\nthe same step, asked again, obeys the law: the scheme remembers earlier calls, as by a counter, "
             "a cache, random numbers, or what an earlier run left"
         )
-    # Where the bound is 0, equal bits are asked: the defect is one of roundings, and no sum over parts.
+    # Where the bound is 0, equal bits are asked: the defect is one of roundings, and no sum over
+    # parts.
     share = _largest_share(case, again) if law.unit.startswith("ulp") and measured.bound else ""
     return share + (
         _has_a_unit(case, again) or _may_be_a_tolerance(law, scheme, case, measured, largest, again)
@@ -58,7 +65,9 @@ def advice(
 def _may_be_a_tolerance(
     law: Law, scheme: Scheme, case: Case, measured: Measurement, largest: float, again: MeasuredAgain
 ) -> str:
-    """Advice to state the solver's tolerance, if all defects are small and do not decrease like a power of Δ."""
+    """Advice to state the solver's tolerance, if all defects are small and do not decrease like a
+    power of Δ.
+    """
     small = law.unit.startswith("ulp") and measured.bound > 0 and largest * EPS < MOST_TOLERANCE
     if not small or scheme.solver_tolerance or _is_a_power(case, measured.defect, again):
         return ""
@@ -71,11 +80,13 @@ def _may_be_a_tolerance(
 
 
 def is_explicit(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> bool:
-    """True if steps of very different lengths evaluate the problem's functions equally often, and at least once.
+    """True if steps of very different lengths evaluate the problem's functions equally often,
+    and at least once.
 
-    An iteration that ends by a tolerance needs fewer evaluations for shorter steps, unless the equation of the step is
-    linear, as in many simple counterexamples. So a step of the rigid body is counted too, if the scheme takes it. If
-    the scheme uses none of these functions, or a step fails, nothing is known, and the result is False.
+    An iteration that ends by a tolerance needs fewer evaluations for shorter steps, unless the
+    equation of the step is linear, as in many simple counterexamples. So a step of the rigid body
+    is counted too, if the scheme takes it. If the scheme uses none of these functions, or a step
+    fails, nothing is known, and the result is False.
     """
     body = problems.rigid_body(noise=())
     here = _evaluations(scheme, problem, y, h, dW)
@@ -84,7 +95,9 @@ def is_explicit(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array)
 
 
 def _evaluations(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> set[int]:
-    """The different numbers of evaluations of the problem's functions in steps of very different lengths."""
+    """The different numbers of evaluations of the problem's functions in steps of very different
+    lengths.
+    """
     calls = [0]
 
     def counted(function: Any) -> Any:
@@ -109,7 +122,9 @@ def _evaluations(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
 
 
 def _has_a_unit(case: Case, again: MeasuredAgain) -> str:
-    """Advice on a constant with a unit, if a case violates the law at an extreme |y|, but not in units with |y| ≈ 1."""
+    """Advice on a constant with a unit, if a case violates the law at an extreme |y|,
+    but not in units with |y| ≈ 1.
+    """
     if not beyond(case) or not isinstance(case.problem, PolynomialSystem):
         return ""
     measured = again(in_other_units(case, -round(math.log2(max(map(abs, case.y))))))
@@ -123,10 +138,12 @@ def _has_a_unit(case: Case, again: MeasuredAgain) -> str:
 
 
 def _is_a_power(case: Case, defect: float, again: MeasuredAgain) -> bool:
-    """True if the defects at Δ, Δ/2 and Δ/4 fall like c Δ^p with p ≥ 2, as the defects of a method of some order do.
+    """True if the defects at Δ, Δ/2 and Δ/4 fall like c Δ^p with p ≥ 2,
+    as the defects of a method of some order do.
 
-    Both slopes log₂(defect(Δ)/defect(Δ/2)) are then near p; the limits 1.5 and 1 allow for the next term in Δ. An
-    iteration that stops at a tolerance stops after fewer iterations for a shorter step, so its slopes differ.
+    Both slopes log₂(defect(Δ)/defect(Δ/2)) are then near p; the limits 1.5 and 1 allow for the next
+    term in Δ. An iteration that stops at a tolerance stops after fewer iterations for a shorter
+    step, so its slopes differ.
     """
     defects = [defect]
     for share in (0.5, 0.25):
@@ -142,11 +159,12 @@ def _is_a_power(case: Case, defect: float, again: MeasuredAgain) -> bool:
 
 
 def _largest_share(case: Case, again: MeasuredAgain) -> str:
-    """A line that names the part of the step that causes most of the defect; empty if no part clearly does.
+    """A line that names the part of the step that causes most of the defect;
+    empty if no part clearly does.
 
-    The law is measured with each part (h or a c_jΔW_j) alone, all of the same size, and with each pair of parts. A
-    fault in one term shows with that part alone. A fault in a product of two parts shows only with both, and halves
-    if one of them is halved.
+    The law is measured with each part (h or a c_jΔW_j) alone, all of the same size, and with each
+    pair of parts. A fault in one term shows with that part alone. A fault in a product of two parts
+    shows only with both, and halves if one of them is halved.
     """
     c = problems.build(case.problem).c
     loud: list[int] = [0, *(np.flatnonzero(c) + 1).tolist()] if case.h else []

@@ -1,11 +1,14 @@
-"""Invariants along the paths that laws about paths make: of their steps, those at which H or a Casimir changes most.
+"""Invariants along the paths that laws about paths make: of their steps,
+those at which H or a Casimir changes most.
 
-The cases of *energy* and *casimir* are drawn, and a step may be right on them and wrong at states that paths reach, as
-one that projects on the level of H only if H is off it by 1e-9. So laws about paths let `watching` keep their worst
-steps. After all laws these are measured as further cases of *energy* and *casimir* (`replays`). No further path is
-made. A change in binary64 only selects a step: the law's own bound decides.
+The cases of *energy* and *casimir* are drawn, and a step may be right on them and wrong at states
+that paths reach, as one that projects on the level of H only if H is off it by 1e-9. So laws about
+paths let `watching` keep their worst steps. After all laws these are measured as further cases of
+*energy* and *casimir* (`replays`). No further path is made. A change in binary64 only selects a
+step: the law's own bound decides.
 
-Steps of a scheme with memory are not kept, because they depend on the steps before; `_middle` measures its paths.
+Steps of a scheme with memory are not kept, because they depend on the steps before; `_middle`
+measures its paths.
 """
 
 from __future__ import annotations
@@ -30,10 +33,12 @@ ENERGY, CASIMIR = "energy", "casimir"
 
 
 def watching(run: Run, scheme: Scheme) -> Watch | None:
-    """A function that keeps the worst steps of paths in `run.worst`: for each law and problem, one of each size h.
+    """A function that keeps the worst steps of paths in `run.worst`: for each law and problem,
+    one of each size h.
 
-    A change of an invariant I is counted in roundings of the state, EPS |∇I(y1)| |y1|. There is no function if a step
-    is no case of a law: for schemes with memory, in single precision, or with further arguments.
+    A change of an invariant I is counted in roundings of the state, EPS |∇I(y1)| |y1|. There is no
+    function if a step is no case of a law: for schemes with memory, in single precision, or with
+    further arguments.
     """
     if has_memory(scheme) or scheme.asks or scheme.eps != EPS:
         return None
@@ -57,7 +62,8 @@ def watching(run: Run, scheme: Scheme) -> Watch | None:
 def taken(run: Run, scheme: Scheme) -> tuple[tuple[str, dict[str, Any]], ...]:
     """The kept steps as witnesses, each with the name of its law; they are kept no longer.
 
-    Of functions that are neither data nor a problem of the scheme's user no process can make a witness.
+    Of functions that are neither data nor a problem of the scheme's user no process can make a
+    witness.
     """
     words = {item.fixed: item.text for item in sources(scheme) if item.fixed is not None}
     found = []
@@ -72,9 +78,11 @@ def taken(run: Run, scheme: Scheme) -> tuple[tuple[str, dict[str, Any]], ...]:
 def replays(
     laws: Iterable[Law], findings: dict[str, Finding], ask: Callable[[Law, int, dict[str, Any]], Finding]
 ) -> None:
-    """Measure the kept steps of all findings, and replace findings that hold by the first violation.
+    """Measure the kept steps of all findings, and replace findings that hold by the first
+    violation.
 
-    `ask` measures a law on a witness, which has a number. A finding that is not measured leaves out the step.
+    `ask` measures a law on a witness, which has a number. A finding that is not measured leaves out
+    the step.
     """
     seen = [each for finding in findings.values() for each in finding.along]
     for law in laws:

@@ -1,4 +1,6 @@
-"""The contraction radius of a problem: a bound of |h| + Σ|c_jΔW_j| under which implicit steps are contractions."""
+"""The contraction radius of a problem: a bound of |h| + Σ|c_jΔW_j| under which implicit steps are
+contractions.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ POWERS = 8
 
 
 def has_majorants(case: Case) -> bool:
-    """True if a case's radius is derived: for polynomial data, unless every noise has an H_j that commutes with H_0."""
+    """True if a case's radius is derived: for polynomial data,
+    unless every noise has an H_j that commutes with H_0.
+    """
     data = case.problem
     if not isinstance(data, PolynomialSystem):
         return False
@@ -26,9 +30,11 @@ def has_majorants(case: Case) -> bool:
 
 
 def shortened(case: Case) -> Case:
-    """Shorten a step by a power of two to at most half its contraction radius; without polynomial data, do nothing.
+    """Shorten a step by a power of two to at most half its contraction radius;
+    without polynomial data, do nothing.
 
-    The law poisson-map needs this, because its Cauchy estimate takes the step from all states in a ball around y.
+    The law poisson-map needs this, because its Cauchy estimate takes the step from all states in a
+    ball around y.
     """
     problem, y, h, dW = case.build()
     if not isinstance(problem.gradient, PolynomialMap):
@@ -41,7 +47,8 @@ def shortened(case: Case) -> Case:
 
 
 def contraction_radius(problem: Problem, y: Array) -> float:
-    """A radius for |h| + Σ|c_jΔW_j| inside which the steps of the schemes named below are contractions from y.
+    """A radius for |h| + Σ|c_jΔW_j| inside which the steps of the schemes named below are
+    contractions from y.
 
     Let y1 = y0 + R(z) be the step's equation, z = y1 − y0, |Δ| = |h| + Σ|c_jΔW_j| and κ =
     CONTRACTION. M_B ≥ |B|, M_g ≥ |∇H|, |B′| and D ≥ |H″| are bounds on the ball |z|_∞ ≤ r, and G =
@@ -69,8 +76,9 @@ def contraction_radius(problem: Problem, y: Array) -> float:
 def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
     """A pair (radius, r): for |Δ| ≤ radius, Δ real or complex, the solution stays within r of y.
 
-    Each r > 0 gives a radius, and the largest radius is returned. The values tried for r are |y|, the scale of the
-    system near y, and for states at or near the origin 1 + |y|, each multiplied by powers of two.
+    Each r > 0 gives a radius, and the largest radius is returned. The values tried for r are |y|,
+    the scale of the system near y, and for states at or near the origin 1 + |y|, each multiplied by
+    powers of two.
     """
     return kept("balls").get(key_of(problem.data, y), lambda: _ball(problem, y))
 

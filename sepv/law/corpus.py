@@ -1,8 +1,8 @@
 """The corpus of witnesses: cases that once showed a violation, tried before any search.
 
-The witnesses of a law are in ``reference/witnesses/LAW.json``, those of its part in ``LAW-PART.json``; docs/vectors.md
-describes this file for other programs.
-A witness is measured like any other case of its law, with the same bound. The corpus can therefore find a fault sooner,
+The witnesses of a law are in ``reference/witnesses/LAW.json``, those of its part in
+``LAW-PART.json``; docs/vectors.md describes this file for other programs. A witness is measured
+like any other case of its law, with the same bound. The corpus can therefore find a fault sooner,
 but it can show no violation that a search could not find.
 """
 
@@ -38,7 +38,9 @@ def file_of(law: str) -> str:
 
 @lru_cache(maxsize=64)
 def witnesses(law: str, systems: Systems | None = None) -> tuple[Witness, ...]:
-    """The stored witnesses of a law, for one class of systems or for all; empty for a law that has no file."""
+    """The stored witnesses of a law, for one class of systems or for all;
+    empty for a law that has no file.
+    """
     file = FOLDER / file_of(law)
     if not file.is_file():
         return ()
@@ -51,5 +53,7 @@ def witnesses(law: str, systems: Systems | None = None) -> tuple[Witness, ...]:
 
 
 def cases(law: str, systems: Systems) -> tuple[Case, ...]:
-    """The cases of a law's witnesses in the file's order: first the case that shows the most wrong schemes."""
+    """The cases of a law's witnesses in the file's order:
+    first the case that shows the most wrong schemes.
+    """
     return tuple(w.case for w in witnesses(law, systems))

@@ -1,11 +1,14 @@
-"""Calls of a scheme in a new process: replays of counterexamples, and steps that must have the same bits there.
+"""Calls of a scheme in a new process: replays of counterexamples,
+and steps that must have the same bits there.
 
-A step that keeps state between calls can violate a law after other calls, and obey the law in a first call. The report
-then says "depends on earlier calls". One process replays all counterexamples, if it can import the scheme by name.
+A step that keeps state between calls can violate a law after other calls, and obey the law in a
+first call. The report then says "depends on earlier calls". One process replays all
+counterexamples, if it can import the scheme by name.
 
-A step that depends on the process, such as on the order of a set, on `hash` or `id`, or on random numbers at import,
-repeats in one process. The law *contract* therefore compares some steps with those of a second process, in which
-PYTHONHASHSEED is another one. This process starts and imports while the law measures (`SecondProcess`).
+A step that depends on the process, such as on the order of a set, on `hash` or `id`, or on random
+numbers at import, repeats in one process. The law *contract* therefore compares some steps with
+those of a second process, in which PYTHONHASHSEED is another one. This process starts and imports
+while the law measures (`SecondProcess`).
 """
 
 from __future__ import annotations
@@ -31,7 +34,9 @@ SECONDS = 60.0
 
 @dataclass(frozen=True)
 class Question:
-    """Questions to a new process about a scheme: pairs (law, witness) to replay, and witnesses whose step it makes."""
+    """Questions to a new process about a scheme: pairs (law, witness) to replay,
+    and witnesses whose step it makes.
+    """
 
     target: str
     problems: Any
@@ -41,13 +46,17 @@ class Question:
 
 
 def words_of(target: Any, problems: Any, worker: str) -> dict[str, Any]:
-    """The words in `Run` of a scheme that a new process, of the module `worker`, can import by name; else no words."""
+    """The words in `Run` of a scheme that a new process, of the module `worker`,
+    can import by name; else no words.
+    """
     named = isinstance(target, str) and ":" in target and _words(problems)
     return {"target": target, "problems": problems, "worker": worker} if named else {}
 
 
 class SecondProcess:
-    """A process with another PYTHONHASHSEED that imports a scheme, then makes the steps of some cases."""
+    """A process with another PYTHONHASHSEED that imports a scheme,
+    then makes the steps of some cases.
+    """
 
     def __init__(self, run: Run) -> None:
         self.question, self.child = Question(run.target, run.problems), None
@@ -58,7 +67,9 @@ class SecondProcess:
     child: Child | None
 
     def steps(self, witnesses: Sequence[dict[str, Any]]) -> list[list[str] | None]:
-        """y1 of each case in hexadecimal digits, or None for a step that failed; [] if the process did not answer."""
+        """y1 of each case in hexadecimal digits, or None for a step that failed;
+        [] if the process did not answer.
+        """
         return _answered(self.child, replace(self.question, steps=witnesses)) if self.child else []
 
     def end(self) -> None:
@@ -70,7 +81,8 @@ class SecondProcess:
 def asked_afresh(
     target: Any, findings: Sequence[Finding], worker: str, problems: Any = None, twin: Twin | None = None
 ) -> tuple[Finding, ...]:
-    """The findings; for a violation, `Finding.afresh` is set to the verdict of a replay in a new process.
+    """The findings; for a violation, `Finding.afresh` is set to the verdict of a replay in a new
+    process.
 
     `worker` is the module of that process.
     """
@@ -121,7 +133,9 @@ def _answered(child: Child, question: Question) -> list[Any]:
 
 
 def _may_be_replayed(finding: Finding) -> bool:
-    """True for a violation by a single step; the replay of a violation by sampled paths would take too long."""
+    """True for a violation by a single step; the replay of a violation by sampled paths would take
+    too long.
+    """
     witness = finding.witness or {}
     return (
         finding.verdict is Verdict.VIOLATED

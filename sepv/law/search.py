@@ -1,9 +1,11 @@
-"""The search for a violation of a law about single steps, first in listed cases and then in random cases.
+"""The search for a violation of a law about single steps,
+first in listed cases and then in random cases.
 
-Stored cases that once showed a violation come first (`sepv.law.corpus`). Then comes the design: for any two
-properties, such as d and the degree of H, its cases cover all pairs of ranges (`sepv.law.cases.strata`).
-Then Hypothesis draws random cases. If a case of the design violates the law, Hypothesis searches for a simpler case
-that does. If it finds none, the case of the design is simplified (`sepv.law.cases.shrink`).
+Stored cases that once showed a violation come first (`sepv.law.corpus`). Then comes the design: for
+any two properties, such as d and the degree of H, its cases cover all pairs of ranges
+(`sepv.law.cases.strata`). Then Hypothesis draws random cases. If a case of the design violates the
+law, Hypothesis searches for a simpler case that does. If it finds none, the case of the design is
+simplified (`sepv.law.cases.shrink`).
 """
 
 from __future__ import annotations
@@ -55,12 +57,14 @@ NO_BOUND = "a case whose numbers overflow has no bound"
 EXAMPLES_WITHOUT_DESIGN = 12
 # A search ends after this many refused cases for each accepted one.
 MOST_SKIPPED = 20
-# The most seconds for simplification: a law may be stopped after ten minutes, and must report its violation before.
-# The limit is reached only if a measurement takes longer than 0.2 s. The counterexample then depends on time.
+# The most seconds for simplification: a law may be stopped after ten minutes, and must report its
+# violation before. The limit is reached only if a measurement takes longer than 0.2 s. The
+# counterexample then depends on time.
 MOST_SECONDS = 100.0
 # The largest number of designs that are stored between runs, twice what a run of all laws needs.
 DESIGNS = 64
-# The list of cases ends early after this many cases that cannot be measured: each may last until a call's time limit.
+# The list of cases ends early after this many cases that cannot be measured: each may last until a
+# call's time limit.
 MOST_FAULTS = 4
 
 Premise = Callable[[Scheme, Case], None]
@@ -75,7 +79,9 @@ class _Fault(Exception):
 
 
 class _Crash(_Fault):
-    """Raised inside a search: the scheme crashed. Hypothesis simplifies crashes apart from other faults."""
+    """Raised inside a search: the scheme crashed. Hypothesis simplifies crashes apart from other
+    faults.
+    """
 
 
 class _Budget:
@@ -119,7 +125,8 @@ def searched(
     steps: int = 0,
     preserves: bool = False,
 ) -> Law:
-    """Make a law about single steps. It is measured case by case, first on listed cases and then on random ones.
+    """Make a law about single steps. It is measured case by case,
+    first on listed cases and then on random ones.
 
     Parameters
     ----------
@@ -128,14 +135,16 @@ def searched(
     cases : Cases
         The cases of the law, for schemes of every class and for users' problems.
     faults_violate : bool
-        True for the law "contract": a result of a wrong shape or type violates it. For other laws it is an error.
+        True for the law "contract": a result of a wrong shape or type violates it. For other laws
+        it is an error.
     not_applicable : scheme -> str
         The reason why the law does not apply to this scheme; empty if it does.
     middle : Middle or str
-        How the law is measured in the middle of a path of a scheme with memory, or why it is about first steps only.
+        How the law is measured in the middle of a path of a scheme with memory, or why it is about
+        first steps only.
     premise : (scheme, case) -> None
-        Raises Unasked at a case which shows that the law says nothing of the scheme, wherever else it is measured. All
-        listed cases are asked before the first is measured.
+        Raises Unasked at a case which shows that the law says nothing of the scheme, wherever else
+        it is measured. All listed cases are asked before the first is measured.
     cost, steps, preserves
         As for `sepv.verification.Law`.
     """
@@ -166,7 +175,8 @@ def searched(
             yield from starts if listed else _design(of_class, plain, this_run.effort.seed)
 
         if scheme.truncation is not None and clips(scheme, probes()):
-            # Other increments never come: the law "truncation" tests that the step uses those up to √h A_h.
+            # Other increments never come: the law "truncation" tests that the step uses those up to
+            # √h A_h.
             own_cases, kind = own_cases.within_clip(scheme.truncation), f"{kind} within {scheme.truncation}"
             space = asked(own_cases)
             if isinstance(space, str):
@@ -212,7 +222,8 @@ def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Fi
         log.share = log.checks / (log.checks + log.lacking)
     if not (log.failed and effort.shrink_checks == 0):
         violation, fault = log.violation, log.fault
-        # Witnesses were simplified already, and fixed cases are simple, so a search would find no simpler violation.
+        # Witnesses were simplified already, and fixed cases are simple, so a search would find no
+        # simpler violation.
         if violation is None or violation[0] not in (*known, *fixed):
             _explore(
                 log, scheme, effort, question, effort.examples * (1 if first else EXAMPLES_WITHOUT_DESIGN)
@@ -230,7 +241,9 @@ def _of_premise(premise: Premise, scheme: Scheme, case: Case) -> Measurement:
 
 
 def _refuted(scheme: Scheme, cases: Iterable[Case], premise: Check | None) -> str:
-    """The reason of the first case which shows that the law says nothing of the scheme; empty if there is none."""
+    """The reason of the first case which shows that the law says nothing of the scheme;
+    empty if there is none.
+    """
     if premise is None or not has_memory(scheme):
         return ""
     with warnings.catch_warnings():
@@ -254,21 +267,25 @@ def _design(where: Question, key: str, number: int) -> list[Case]:
 
 
 def _designed(question: _Question, seed: int, repeat: int) -> list[Case]:
-    """The cases of a law's design for a seed, in random order, so that no range of a property always comes first."""
+    """The cases of a law's design for a seed, in random order,
+    so that no range of a property always comes first.
+    """
     drawn = _design(question.where, question.key, seed + 1000003 * repeat)
     Random(seed).shuffle(drawn)
     return drawn
 
 
 def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question, examples: int) -> None:
-    """Measure random cases, chosen by Hypothesis to make defect/bound large, and simplify the first violation."""
+    """Measure random cases, chosen by Hypothesis to make defect/bound large,
+    and simplify the first violation.
+    """
     measured_before = log.checks
     simplifying: _Budget | None = None
 
     def body(case: Case) -> None:
         nonlocal simplifying
-        # Hypothesis ends its shrinking or its search if every further case passes. So every case passes when the
-        # budget is spent, or after too many refused cases.
+        # Hypothesis ends its shrinking or its search if every further case passes. So every case
+        # passes when the budget is spent, or after too many refused cases.
         if simplifying is not None and not simplifying.spend():
             return
         if log.refused > MOST_SKIPPED * (1 + log.checks - measured_before):
@@ -294,7 +311,8 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
         report_multiple_bugs=True,
         verbosity=Verbosity.quiet,
         phases=(Phase.generate, Phase.target, Phase.shrink),
-        # Hypothesis would complain of large and of slow examples. Cases are large, and a slow scheme makes them slow.
+        # Hypothesis would complain of large and of slow examples. Cases are large, and a slow
+        # scheme makes them slow.
         suppress_health_check=list(HealthCheck),
     )
     test = hypothesis_seed(effort.seed)(chosen(given(case=question.where.strategy)(body)))
@@ -313,7 +331,9 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
 
 
 def _visit(log: SearchLog, scheme: Scheme, visited: Iterable[Case], question: _Question) -> None:
-    """Measure `visited` cases in turn, up to the first violation or the MOST_FAULTS-th case that cannot be measured."""
+    """Measure `visited` cases in turn, up to the first violation or the MOST_FAULTS-th case that
+    cannot be measured.
+    """
     faults: list[tuple[Case, Exception]] = []
     with warnings.catch_warnings(), suppress(_Violation):
         warnings.simplefilter("ignore")
@@ -329,7 +349,9 @@ def _visit(log: SearchLog, scheme: Scheme, visited: Iterable[Case], question: _Q
 
 
 def _simplify(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question) -> None:
-    """Replace the logged case by the simplest one found that also violates the law, or also cannot be measured."""
+    """Replace the logged case by the simplest one found that also violates the law,
+    or also cannot be measured.
+    """
     case, _ = log.violation or log.fault or (None, None)
     assert case is not None
     checks = log.checks
@@ -365,7 +387,8 @@ def _measured(scheme: Scheme, case: Case, check: Check) -> Measurement:
     """Measure one case, or raise Skipped if the law does not judge it."""
     if scheme.longest_step is not None and not takes(scheme, *case.build()):
         raise Skipped("a longer step than the scheme says it takes (longest_step)")
-    # A library may have thresholds with units: ASE computes no new force if atoms move by less than 1e-15 Å.
+    # A library may have thresholds with units: ASE computes no new force if atoms move by less than
+    # 1e-15 Å.
     if (scheme.solver_tolerance or scheme.deterministic) and beyond(case):
         raise Skipped(FAR_OFF)
     measured = check(scheme, case)
@@ -378,14 +401,17 @@ def _measured(scheme: Scheme, case: Case, check: Check) -> Measurement:
 
 
 def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_violate: bool) -> Measurement:
-    """Measure and log one case, or raise _Violation or _Fault; Hypothesis tells these apart by the line that raises."""
+    """Measure and log one case, or raise _Violation or _Fault;
+    Hypothesis tells these apart by the line that raises.
+    """
     log.checks += 1
     note_case(lambda: cases_of.to_json(case))
     try:
         measured = _measured(scheme, case, check)
     except Skipped as skipped:
         if case.given != "data":
-            # If the scheme refuses a problem given as functions, it gets the same system as data: no case is lost.
+            # If the scheme refuses a problem given as functions, it gets the same system as data:
+            # no case is lost.
             log.checks -= 1
             return _measure(log, scheme, replace(case, given="data"), check, faults_violate)
         unasked = isinstance(skipped, Unasked)
@@ -401,8 +427,9 @@ def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_vi
         extreme = EXTREME_STATE if beyond(case) else LONG_STEP if is_long(case) else ""
         impure = faults_violate and isinstance(error, SchemeFault) and not isinstance(error, NotFinite)
         if (case.h <= 0 and not impure) or (extreme and isinstance(error, StepFailure)):
-            # No path has h ≤ 0. If a scheme fails for h ≤ 0, or refuses a state or step of extreme size, the case is
-            # skipped, and the law is not violated. All errors of one kind have one line, with the first message.
+            # No path has h ≤ 0. If a scheme fails for h ≤ 0, or refuses a state or step of extreme
+            # size, the case is skipped, and the law is not violated. All errors of one kind have
+            # one line, with the first message.
             back = "a step back in time, h < 0," if case.h < 0 else "a step with h = 0"
             kind = f"{back if case.h <= 0 else extreme} ended in {type(error).__name__}"
             text = str(error).partition("\n")[0]
@@ -415,7 +442,8 @@ def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_vi
             log.worst = log.violation[1]
             raise _Violation from error
         log.fault = case, error
-        # A crash or an exception leaves no result. A refusal, or a result of a wrong kind, counts as a result.
+        # A crash or an exception leaves no result. A refusal, or a result of a wrong kind, counts
+        # as a result.
         if not isinstance(error, (SchemeFault, ArithmeticError)):
             log.crash = case, error
             raise _Crash from error

@@ -17,14 +17,17 @@ from sepv.law.power_of_h import least_power, words
 from sepv.schemes import Scheme
 
 Check = Callable[[Scheme, Case], Measurement]
-# The share of a law's cases that must be measured if the scheme states its longest step, or if the law says nothing of
-# the others. No share is required of a scheme that skips cases because of their problems: it may be made for few
-# problems. If one case shows that a law says nothing of the scheme, its premise is asked first (`sepv.law.search`).
+# The share of a law's cases that must be measured if the scheme states its longest step, or if the
+# law says nothing of the others. No share is required of a scheme that skips cases because of their
+# problems: it may be made for few problems. If one case shows that a law says nothing of the
+# scheme, its premise is asked first (`sepv.law.search`).
 LEAST_SHARE = 0.25
 
 
 class SearchLog:
-    """The log of one search: number of measurements, the worst, a violation or an unmeasurable case, skipped cases."""
+    """The log of one search: number of measurements, the worst,
+    a violation or an unmeasurable case, skipped cases.
+    """
 
     def __init__(self) -> None:
         self.checks = 0
@@ -57,7 +60,9 @@ class SearchLog:
 
 
 def conclude(law: Law, scheme: Scheme, log: SearchLog, check: Check) -> Finding:
-    """The finding of a finished search. A violation gets advice on its cause, for which `check` measures more cases."""
+    """The finding of a finished search. A violation gets advice on its cause,
+    for which `check` measures more cases.
+    """
     seen: dict[str, Any] = {"checks": log.checks}
     # The defect is that of the simplified witness; before simplification it may have been larger.
     measured = log.worst if log.violation is None else log.violation[1]
@@ -74,7 +79,8 @@ def conclude(law: Law, scheme: Scheme, log: SearchLog, check: Check) -> Finding:
         message = f"{case.describe()}\n{measured.detail}{hints}"
         if log.crash is None:
             return law.finding(Verdict.VIOLATED, message=message, **_witness(law, case), **seen)
-        # The crash decides the verdict: a scheme that does not always return was not measured completely.
+        # The crash decides the verdict: a scheme that does not always return was not measured
+        # completely.
         dead, error = log.crash
         again = _witness(law, dead)["replay"]
         message = (
@@ -109,7 +115,9 @@ def _witness(law: Law, case: Case) -> dict[str, Any]:
 
 
 def _measured_again(scheme: Scheme, check: Check, case: Case) -> Measurement | None:
-    """The measurement of a further case that advice needs; None if the scheme or the law raises an error."""
+    """The measurement of a further case that advice needs;
+    None if the scheme or the law raises an error.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:

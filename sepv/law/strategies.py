@@ -1,8 +1,9 @@
-"""Hypothesis strategies for random skew B(y), polynomial H, systems with Casimirs, and steps that have a solution.
+"""Hypothesis strategies for random skew B(y), polynomial H, systems with Casimirs,
+and steps that have a solution.
 
-The laws draw such systems too (`sepv.law.cases.random_cases`). All coefficients are small dyadic rationals.
-Products and sums of a few of them are exact in binary64, so that the coefficients of a Casimir satisfy its definition
-exactly and a defect is due to the scheme.
+The laws draw such systems too (`sepv.law.cases.random_cases`). All coefficients are small dyadic
+rationals. Products and sums of a few of them are exact in binary64, so that the coefficients of a
+Casimir satisfy its definition exactly and a defect is due to the scheme.
 """
 
 from __future__ import annotations
@@ -53,7 +54,9 @@ def coefficients(largest: int = 8) -> st.SearchStrategy[float]:
 def polynomials(
     dimension: int, degree: int, *, least: int = 1, terms: int = 5
 ) -> st.SearchStrategy[Polynomial]:
-    """Polynomials of degree `least` to `degree` with one to `terms` terms. Examples shrink towards one term."""
+    """Polynomials of degree `least` to `degree` with one to `terms` terms.
+    Examples shrink towards one term.
+    """
     return _made(lambda random: parts.polynomial(dimension, least, degree, terms, random))
 
 
@@ -70,7 +73,9 @@ def skew_structures(dimension: int, degree: int = 3) -> st.SearchStrategy[Struct
 
 @cache
 def noises(least: int = 0, most: int = 3) -> st.SearchStrategy[tuple[float, ...]]:
-    """From `least` to `most` noise coefficients c_j ≥ 0. Examples shrink towards `least` coefficients c_j = 1."""
+    """From `least` to `most` noise coefficients c_j ≥ 0.
+    Examples shrink towards `least` coefficients c_j = 1.
+    """
     return _made(
         lambda random: tuple(
             random.choice([1.0, 0.5, 2.0, 0.25, 0.0]) for _ in range(random.randint(least, most))
@@ -93,7 +98,9 @@ def casimir_systems(degree: int = 6, *, largest: int = 6) -> st.SearchStrategy[P
 def poisson_systems(
     degree: int = 6, *, least: int = 1, largest: int = 6, structure_degree: int = 3
 ) -> st.SearchStrategy[PolynomialSystem]:
-    """Systems of dimension 2 to `largest`, H of degree `least` to `degree`, any skew B(y) up to `structure_degree`."""
+    """Systems of dimension 2 to `largest`, H of degree `least` to `degree`, any skew B(y)
+    up to `structure_degree`.
+    """
     return _made(lambda random: _system(random, "none", 2, largest, least, degree, structure_degree))
 
 
@@ -124,9 +131,11 @@ def paper_problems() -> st.SearchStrategy[NamedProblem]:
 
 @cache
 def steps(systems: st.SearchStrategy[PolynomialSystem] | None = None) -> st.SearchStrategy[Case]:
-    """Cases with a step h > 0 inside the contraction radius, so that a solution near y0 exists and is unique.
+    """Cases with a step h > 0 inside the contraction radius,
+    so that a solution near y0 exists and is unique.
 
-    If no `systems` are given, the systems are of class (1.1) and of all sizes, as the laws draw them.
+    If no `systems` are given, the systems are of class (1.1) and of all sizes, as the laws draw
+    them.
     """
     if systems is not None:
         return systems.flatmap(near)
@@ -135,11 +144,15 @@ def steps(systems: st.SearchStrategy[PolynomialSystem] | None = None) -> st.Sear
 
 @cache
 def paper_steps() -> st.SearchStrategy[Case]:
-    """A step of one of the paper's problems from near its initial state, not above the problem's `longest_step`."""
+    """A step of one of the paper's problems from near its initial state,
+    not above the problem's `longest_step`.
+    """
     return paper_problems().flatmap(near)
 
 
 @cache
 def any_steps() -> st.SearchStrategy[Case]:
-    """Steps of random polynomial systems, with and without Casimirs, and of the paper's problems."""
+    """Steps of random polynomial systems, with and without Casimirs, and of the paper's
+    problems.
+    """
     return st.one_of(steps(), steps(), paper_steps())

@@ -1,4 +1,6 @@
-"""One self-contained HTML page from reports and the JSON files of verify, compare, bench and reproduce."""
+"""One self-contained HTML page from reports and the JSON files of verify, compare,
+bench and reproduce.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
-"""Results as files of asv (airspeed velocity), which shows numbers of a repository's commits as a trend.
+"""Results as files of asv (airspeed velocity), which shows numbers of a repository's commits as a
+trend.
 
-The folder has the layout of asv's `results_dir`: benchmarks.json, and a folder a machine with a file a commit.
+The folder has the layout of asv's `results_dir`: benchmarks.json, and a folder a machine with a
+file a commit.
 """
 
 from __future__ import annotations
@@ -24,10 +26,12 @@ _COLUMNS = ("result", "params", "version", "started_at", "duration")
 
 
 def write_asv(sources: Sources, folder: str) -> int:
-    """Write the numbers of reports and comparisons for the commit that is checked out here; return how many there are.
+    """Write the numbers of reports and comparisons for the commit that is checked out here;
+    return how many there are.
 
-    A report gives the defect of each law that was measured, a comparison the strong error and the nanoseconds of a step
-    for each number of steps. Results of earlier commits in the folder are kept.
+    A report gives the defect of each law that was measured, a comparison the strong error and the
+    nanoseconds of a step for each number of steps. Results of earlier commits in the folder are
+    kept.
 
     Raises
     ------
@@ -99,7 +103,9 @@ def _of_comparisons(comparisons: list[dict[str, Any]]) -> dict[str, dict[str, An
 
 
 def _described(name: str, unit: str, params: list[list[str]], values: list[Any]) -> dict[str, Any]:
-    """The entry of benchmarks.json; a benchmark of another unit or of other numbers of steps has another version."""
+    """The entry of benchmarks.json; a benchmark of another unit or of other numbers of steps has
+    another version.
+    """
     assert len(values) == (len(params[0]) if params else 1)
     version = hashlib.sha256(repr((name, unit, params)).encode()).hexdigest()
     return {

@@ -9,16 +9,17 @@ from sepv.page._text import name, number, plain
 from sepv.page._verdicts import shown_verdict
 from sepv.page._views import View
 
-# A defect has changed if it is larger or smaller by this factor, a measured order if by this difference. A run with the
-# same seed and the same versions has the same defects to the last digit.
+# A defect has changed if it is larger or smaller by this factor, a measured order if by this
+# difference. A run with the same seed and the same versions has the same defects to the last digit.
 FACTOR, ORDER = 2.0, 0.1
 
 
 def changes(reports: Sequence[View]) -> list[tuple[str, list[tuple[str, str, str]]]]:
-    """Compare each report with the next one of the same scheme: (scheme, rows of law, before and after).
+    """Compare each report with the next one of the same scheme:
+    (scheme, rows of law, before and after).
 
-    A row stands for a law whose verdict, claim or defect differs, or that one of the reports lacks. Reports of a scheme
-    that no other report in the list is about give no entry.
+    A row stands for a law whose verdict, claim or defect differs, or that one of the reports lacks.
+    Reports of a scheme that no other report in the list is about give no entry.
     """
     by_scheme: dict[str, list[View]] = {}
     for report in reports:
@@ -53,7 +54,9 @@ def _differs(old: View, new: View) -> bool:
 
 
 def _words(law: View | None) -> str:
-    """The verdict with the defect against the bound, such as: violated, 2.1e+09 against 34 ulp of H, claimed."""
+    """The verdict with the defect against the bound, such as: violated,
+    2.1e+09 against 34 ulp of H, claimed.
+    """
     if law is None:
         return "not measured"
     size = ""

@@ -1,7 +1,9 @@
-"""Pictures for the page: SVG made by matplotlib, adapted to the page's style sheet and security policy.
+"""Pictures for the page: SVG made by matplotlib, adapted to the page's style sheet and security
+policy.
 
-The policy forbids styles in elements, so properties become attributes. Colours become variables of the style sheet,
-which has a light and a dark theme. Each marker and frame is defined once for all pictures, with an identifier.
+The policy forbids styles in elements, so properties become attributes. Colours become variables of
+the style sheet, which has a light and a dark theme. Each marker and frame is defined once for all
+pictures, with an identifier.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ BESIDE = 30
 SAMPLE = 34, 12
 # The width at the right of a drawing for the names of reference slopes, in points.
 NAMES = 50
-# The largest number of points of a cloud or strips of a long line, and the tolerance for simplified lines in points.
+# The largest number of points of a cloud or strips of a long line, and the tolerance for simplified
+# lines in points.
 MOST, NEAR = 110, 0.35
 MARKER = 6.5
 _STYLE = {
@@ -36,13 +39,16 @@ _STYLE = {
     "xtick.color": TEXT, "ytick.color": TEXT, "xtick.major.pad": 5, "ytick.major.pad": 6, "lines.linewidth": 1.5,
     "grid.linewidth": 1, "path.simplify_threshold": NEAR,
 }  # fmt: skip
-# Properties that are dropped from each element, because the style sheet or enclosing elements set them.
+# Properties that are dropped from each element, because the style sheet or enclosing elements set
+# them.
 _DROPPED = re.compile("font|stroke-linejoin|stroke-linecap|stroke-dashoffset")
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawing as SVG elements without the tag `svg`; `samples` has pairs (name, piece of a curve) for its legend."""
+    """A drawing as SVG elements without the tag `svg`; `samples` has pairs (name, piece of a curve)
+    for its legend.
+    """
 
     inside: Any
     samples: list[tuple[str, Any]]
@@ -59,13 +65,18 @@ class Pictures:
 
     @property
     def colours(self) -> list[tuple[str, str, str]]:
-        """Rows (variable, colour on light, colour on dark) of the pictures' colours, for the style sheet."""
+        """Rows (variable, colour on light, colour on dark) of the pictures' colours,
+        for the style sheet.
+        """
         return [(f"k{n}", light, dark) for n, (light, dark) in enumerate(self._colours.items())]
 
     @property
     def definitions(self) -> Any:
-        """The SVG of markers and frames, which all drawings refer to; the page has it once, before the drawings."""
-        # matplotlib and ElementTree have escaped this SVG, so that the template must not escape it again.
+        """The SVG of markers and frames, which all drawings refer to; the page has it once,
+        before the drawings.
+        """
+        # matplotlib and ElementTree have escaped this SVG, so that the template must not escape it
+        # again.
         named = (re.sub("^<([a-zA-Z]+)", rf'<\1 id="{at}"', e) for e, at in self._shared.items())
         return Markup("".join(named))
 
@@ -136,9 +147,11 @@ class Pictures:
 
 
 def _inert(element: ElementTree.Element, paint: Mapping[str, str]) -> str:
-    """Adapt an element of matplotlib's SVG to the page, remove its identifier, and return the identifier.
+    """Adapt an element of matplotlib's SVG to the page, remove its identifier,
+    and return the identifier.
 
-    Names lose their namespaces, styles become attributes, colours become variables, and numbers get one decimal.
+    Names lose their namespaces, styles become attributes, colours become variables, and numbers get
+    one decimal.
     """
     element.tag = element.tag.rpartition("}")[2]
     attributes = {key.rpartition("}")[2]: value for key, value in element.attrib.items()}
@@ -165,7 +178,8 @@ def _inert(element: ElementTree.Element, paint: Mapping[str, str]) -> str:
 
 
 def _flat(element: ElementTree.Element) -> None:
-    """Simplify what is below `element`: dissolve groups without attributes, drop definitions, which the page has.
+    """Simplify what is below `element`: dissolve groups without attributes, drop definitions,
+    which the page has.
 
     Markers keep only their place and reference, because their definition contains their look.
     """

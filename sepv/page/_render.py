@@ -1,4 +1,6 @@
-"""Make the HTML page from a template and a style sheet. The content security policy has the style sheet's hash."""
+"""Make the HTML page from a template and a style sheet.
+The content security policy has the style sheet's hash.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +67,8 @@ def render(sources: Sources, *, title: str | None = None) -> str:
 
 
 def fingerprint() -> str:
-    """Return a hash of sepv's version, the laws with their texts, and the claims of built-in schemes.
+    """Return a hash of sepv's version, the laws with their texts,
+    and the claims of built-in schemes.
 
     Every page contains this hash. If a committed page has another one, it is out of date.
     """

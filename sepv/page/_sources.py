@@ -11,14 +11,17 @@ from sepv.errors import UsageError
 from sepv.files import read_json, require_schema
 from sepv.properties import renamed
 
-# The commands that write files for the page, by a key that only the command's files have; and the files' schemas.
+# The commands that write files for the page, by a key that only the command's files have; and the
+# files' schemas.
 KINDS = {"suite": "verify", "reproduction": "reproduce", "times_to_error": "compare", "records": "bench"}
 SCHEMA_OF = {"verify": "report", "compare": "comparison", "reproduce": "reproduction", "bench": "bench"}
 
 
 @dataclass
 class Sources:
-    """The contents of a page's JSON files: a list for each command that wrote some, in the order of reading."""
+    """The contents of a page's JSON files: a list for each command that wrote some,
+    in the order of reading.
+    """
 
     verify: list[dict[str, Any]] = field(default_factory=list)
     compare: list[dict[str, Any]] = field(default_factory=list)

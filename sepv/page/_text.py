@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 import unicodedata
 
-# The largest numbers of characters of names and messages on the page. The JSON file has the full texts.
+# The largest numbers of characters of names and messages on the page. The JSON file has the full
+# texts.
 NAME, MESSAGE = 60, 1500
 _WHITE = "\n\t"
 
 
 def plain(text: object, limit: int = MESSAGE) -> str:
-    """Return text without control and formatting characters (such as right-to-left overrides), cut to `limit`."""
+    """Return text without control and formatting characters (such as right-to-left overrides),
+    cut to `limit`.
+    """
     shown = "".join(
         c if c in _WHITE or unicodedata.category(c) not in ("Cc", "Cf", "Cs", "Co", "Cn") else "�"
         for c in str(text)[: limit + 1]

@@ -1,4 +1,5 @@
-"""Views (data for the template of the page) of reports: verdicts on a scale of bounds, and counterexamples.
+"""Views (data for the template of the page) of reports: verdicts on a scale of bounds,
+and counterexamples.
 
 Nothing here is HTML.
 """
@@ -19,19 +20,23 @@ from sepv.pictures import power
 from sepv.properties import load_laws
 from sepv.schemes import ALL_LAWS
 
-# The largest number of characters of all counterexamples on a page; ROOMY on a page of at most FEW schemes, which has
-# pictures of them too. The JSON files have all counterexamples.
+# The largest number of characters of all counterexamples on a page; ROOMY on a page of at most FEW
+# schemes, which has pictures of them too. The JSON files have all counterexamples.
 BUDGET, ROOMY, FEW = 17_000, 100_000, 4
-# Decades of the scale of defects, from 10⁻³ of the bound to 10³ or up to 10¹⁵, with a tick for every third decade.
+# Decades of the scale of defects, from 10⁻³ of the bound to 10³ or up to 10¹⁵, with a tick for
+# every third decade.
 LEAST, MOST, EVERY = -3, 15, 3
 # The frame (left, right, top, bottom) of a picture of a repeated step, in a box of 300 by 190.
 FRAME = (62.0, 296.0, 20.0, 168.0)
-# The least height of the frame of an invariant, relative to its terms, so that rounding looks like a straight line.
+# The least height of the frame of an invariant, relative to its terms, so that rounding looks like
+# a straight line.
 LEAST_FRAME_HEIGHT = 1e-13
 
 
 def schemes(reports: list[View]) -> tuple[list[str], list[View]]:
-    """Return the names of all laws, those unknown to sepv last, and a list with a view of each report."""
+    """Return the names of all laws, those unknown to sepv last,
+    and a list with a view of each report.
+    """
     laws = list(dict.fromkeys(law["law"] for r in reports for law in r["laws"]))
     laws.sort(key=lambda law: ALL_LAWS.index(law) if law in ALL_LAWS else len(ALL_LAWS))
     share = (ROOMY if len(reports) <= FEW else BUDGET) // max(1, len(reports))
@@ -39,7 +44,9 @@ def schemes(reports: list[View]) -> tuple[list[str], list[View]]:
 
 
 def _scheme(report: View, laws: list[str], budget: int, *, drawn: bool) -> View:
-    """Return the view of one scheme: its verdicts, its laws on an axis of defects, and its counterexamples."""
+    """Return the view of one scheme: its verdicts, its laws on an axis of defects,
+    and its counterexamples.
+    """
     by_law = {law["law"]: law for law in report["laws"]}
     counts = ", ".join(Verdict(k).of(n) for k, n in report["counts"].items() if n)
     shown, left = _counterexamples(report["laws"], _target(report["scheme"]), budget, drawn=drawn)
@@ -64,7 +71,9 @@ def _scheme(report: View, laws: list[str], budget: int, *, drawn: bool) -> View:
 
 
 def _profiles(report: View) -> str:
-    """Describe the profiles (named sets of laws) that a report found, those required and not found, and waived laws."""
+    """Describe the profiles (named sets of laws) that a report found, those required and not found,
+    and waived laws.
+    """
     profiles = report.get("profiles")
     if profiles is None:
         return "; it was written before sepv knew profiles: measure again for them"
@@ -86,7 +95,8 @@ def _made(report: View) -> str:
 
 
 def _scale(laws: list[View]) -> tuple[Any, list[tuple[str, str]]]:
-    """Return the axis of defects of a report: the function from a law to its place, and the ticks as (place, words).
+    """Return the axis of defects of a report: the function from a law to its place,
+    and the ticks as (place, words).
 
     A place is in per cent of the axis's width.
     """
@@ -144,7 +154,8 @@ def _counterexamples(laws: list[View], target: str, budget: int, *, drawn: bool)
 
     Claimed laws come first, and those that are violated as expected last.
 
-    Laws that end with the same error share one entry. If `drawn`, an entry has pictures of the counterexample.
+    Laws that end with the same error share one entry. If `drawn`, an entry has pictures of the
+    counterexample.
     """
     failures = [law for law in laws if law["verdict"] in ("violated", "error") and law["message"]]
     shown: list[View] = []
@@ -176,10 +187,11 @@ def _counterexamples(laws: list[View], target: str, budget: int, *, drawn: bool)
 
 
 def _course(course: View, unit: str) -> View | None:
-    """Return two pictures of a counterexample whose step is repeated: two components of y, and what the law measures.
+    """Return two pictures of a counterexample whose step is repeated: two components of y,
+    and what the law measures.
 
-    That is an invariant's change, or the law's own defect and bound in its unit. The result is None if there is nothing
-    to draw.
+    That is an invariant's change, or the law's own defect and bound in its unit. The result is None
+    if there is nothing to draw.
     """
     steps, conserved = len(course["drift"]) - 1, course["kept"]
     names = [f"component {i}" for i in course["components"]]
@@ -218,9 +230,11 @@ def _largest(values: list[Any]) -> str:
 
 
 def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) -> View | None:
-    """Return the view of a panel: SVG paths of `curve` and of the dashed curve `beside`, and texts for the axes' ends.
+    """Return the view of a panel: SVG paths of `curve` and of the dashed curve `beside`,
+    and texts for the axes' ends.
 
-    The result is None if `curve` has fewer than two points. Values above 1e300, whose range may overflow, are left out.
+    The result is None if `curve` has fewer than two points. Values above 1e300, whose range may
+    overflow, are left out.
     """
 
     def drawable(coordinates: list[Any]) -> list[Any]:
@@ -254,7 +268,9 @@ def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) 
 
 
 def _unsettled(laws: list[View]) -> list[str]:
-    """Return a sentence for each inconclusive law: its message, and a remark if a few paths make up the error."""
+    """Return a sentence for each inconclusive law: its message,
+    and a remark if a few paths make up the error.
+    """
     unsettled = []
     for law in laws:
         if law["verdict"] == "inconclusive":
@@ -272,7 +288,9 @@ _RMS = re.compile(r"rms error ([\d.e+-]+), ([\d.e+-]+), ([\d.e+-]+)")
 
 
 def _runs_away(*errors: str) -> bool:
-    """True if the first of three errors exceeds 4 second²/third; in a geometric sequence the first is second²/third."""
+    """True if the first of three errors exceeds 4 second²/third;
+    in a geometric sequence the first is second²/third.
+    """
     try:
         first, second, third = map(float, errors)
     except ValueError:  # the file has other text
@@ -281,7 +299,9 @@ def _runs_away(*errors: str) -> bool:
 
 
 def _target(scheme: View) -> str:
-    """Return the text that names the scheme in a command: its target, its name if it is built in, or else ""."""
+    """Return the text that names the scheme in a command: its target, its name if it is built in,
+    or else "".
+    """
     from sepv.schemes import by_name
 
     if scheme.get("target"):
@@ -293,7 +313,9 @@ def _target(scheme: View) -> str:
 
 
 def headline(reports: list[View]) -> str:
-    """Summarise all reports: the number of claimed laws that hold, and the claimed laws that are not shown to hold."""
+    """Summarise all reports: the number of claimed laws that hold,
+    and the claimed laws that are not shown to hold.
+    """
     claimed = [(r, law) for r in reports for law in r["laws"] if law["claimed"] and law["expected"] is None]
     claimed = [(r, law) for r, law in claimed if law["verdict"] != "not_applicable"]
     broken = [(r, law) for r, law in claimed if law["verdict"] != "holds"]
@@ -321,7 +343,9 @@ def headline(reports: list[View]) -> str:
 
 
 def law_texts(laws: list[str]) -> list[dict[str, str]]:
-    """Return the statement and source of each of the given laws. Laws that sepv does not have get empty texts."""
+    """Return the statement and source of each of the given laws.
+    Laws that sepv does not have get empty texts.
+    """
     texts = {law: {"name": name(law), "anchor": "", "statement": "", "source": ""} for law in laws}
     for law in load_laws([law for law in laws if law in ALL_LAWS]):
         stated = {"statement": plain(law.statement, 400), "source": plain(law.source, 80)}

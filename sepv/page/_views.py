@@ -1,4 +1,5 @@
-"""Views (data for the template of the page) of comparisons, benchmarks and reproductions. Nothing here is HTML.
+"""Views (data for the template of the page) of comparisons, benchmarks and reproductions.
+Nothing here is HTML.
 
 Views of reports are in `_verdicts`.
 """
@@ -29,9 +30,11 @@ View = dict[str, Any]
 
 
 def again(data: View, subject: str) -> str:
-    """Return the command that a JSON file names as its origin, or a comment if no command made the file.
+    """Return the command that a JSON file names as its origin,
+    or a comment if no command made the file.
 
-    Each word is quoted for the shell, which therefore executes no text of the file if somebody runs the line.
+    Each word is quoted for the shell, which therefore executes no text of the file if somebody runs
+    the line.
     """
     words = words_of(str(data.get("made", {}).get("command") or ""))
     if words[:1] != ["sepv"]:
@@ -48,21 +51,27 @@ def words_of(command: str) -> list[str]:
 
 
 def cell(verdict: str, claimed: bool = False) -> View:
-    """Return a cell of the table of schemes and laws: the verdict's sign and words, and True for a claimed law."""
+    """Return a cell of the table of schemes and laws: the verdict's sign and words,
+    and True for a claimed law.
+    """
     sign, words = WORDS[verdict]
     return {"kind": verdict, "sign": sign, "words": words, "claimed": claimed}
 
 
 def step_size(h: float) -> str:
-    """Format a step size h: as a power of two, if it is one and h < ½, and with three digits otherwise."""
+    """Format a step size h: as a power of two, if it is one and h < ½,
+    and with three digits otherwise.
+    """
     exponent = math.log2(h) if h > 0 else 0.5
     return power(h, 2) if exponent == int(exponent) and exponent < -1 else number(h)
 
 
 def priced(points: list[View]) -> list[View]:
-    """Return a method's points from the first one where doubling the steps takes at least 1.5 times the time.
+    """Return a method's points from the first one where doubling the steps takes at least 1.5 times
+    the time.
 
-    At points with fewer steps the overhead of a call dominates the time. The last two points are always returned.
+    At points with fewer steps the overhead of a call dominates the time. The last two points are
+    always returned.
     """
     if not points or not points[0].get("steps"):
         return points
@@ -77,7 +86,9 @@ def priced(points: list[View]) -> list[View]:
 
 
 def drawn(sources: Sources) -> tuple[list[str], dict[str, Look]]:
-    """Return the names of all schemes in the plots of a page, and the line styles (`Look`) that files give them."""
+    """Return the names of all schemes in the plots of a page, and the line styles (`Look`)
+    that files give them.
+    """
     methods = [m for c in sources.compare for m in c["methods"]]
     names = [m["name"] for m in methods]
     names += [
@@ -87,7 +98,9 @@ def drawn(sources: Sources) -> tuple[list[str], dict[str, Look]]:
 
 
 def comparison(data: View, pictures: Pictures) -> View:
-    """Return the view of a comparison: two plots, the points, the times to given errors, and the machine."""
+    """Return the view of a comparison: two plots, the points, the times to given errors,
+    and the machine.
+    """
     methods = [m["name"] for m in data["methods"]]
     points = [p for p in data["points"] if p["failures"] < p["paths"]]
     by_method = {m: [p for p in points if p["method"] == m] for m in methods}
@@ -105,7 +118,8 @@ def comparison(data: View, pictures: Pictures) -> View:
         return pictures.draw([curve(m, value) for m in methods], time, Axis(label, log=True))
 
     errors = drawn("strong error at T", lambda p: p["strong_error"]["value"])
-    # A defect of zero has no logarithm. It is drawn at FLOOR, half a rounding of one, as the caption says.
+    # A defect of zero has no logarithm. It is drawn at FLOOR, half a rounding of one, as the
+    # caption says.
     defects = drawn(
         "largest energy defect",
         lambda p: None if p["energy_defect"] is None else max(p["energy_defect"], FLOOR),
@@ -127,7 +141,9 @@ def comparison(data: View, pictures: Pictures) -> View:
 
 
 def _point(p: View, micro: float) -> View:
-    """Return the row of a table for one method and step size; `micro` is the time of one path in µs."""
+    """Return the row of a table for one method and step size;
+    `micro` is the time of one path in µs.
+    """
     error = p["strong_error"]
     return {
         "method": name(p["method"]),
@@ -143,7 +159,9 @@ def _point(p: View, micro: float) -> View:
 
 
 def _times(times: list[View], methods: list[str]) -> list[tuple[str, list[str]]]:
-    """Return the rows of a table: a method, and the times that it takes to reach each of several errors."""
+    """Return the rows of a table: a method, and the times that it takes to reach each of several
+    errors.
+    """
     wanted = sorted({t["error"] for t in times}, reverse=True)
     words = {"between": "", "beyond": " (extrapolated)", "coarsest": " (at the coarsest step)"}
     rows = []
@@ -156,7 +174,9 @@ def _times(times: list[View], methods: list[str]) -> list[tuple[str, list[str]]]
 
 
 def bench(data: View) -> View:
-    """Return the view of a benchmark: for each target, a row per case with its counters, rms error and rms defects."""
+    """Return the view of a benchmark: for each target, a row per case with its counters,
+    rms error and rms defects.
+    """
     kinds = list(dict.fromkeys(k for r in data["records"] for case in r["cases"] for k in case["counters"]))
 
     def rms(groups: list[str]) -> str:

@@ -1,7 +1,9 @@
-"""The paper (Cohen and Dujardin 2014) reproduced: the figures of §4, its remarks, and a verdict on each statement.
+"""The paper (Cohen and Dujardin 2014) reproduced: the figures of §4, its remarks,
+and a verdict on each statement.
 
-The package is installed, because `sepv reproduce` runs it. Read `record` first (panels and statements), then `suite`,
-which computes all panels. Each other file is a figure or a part of the theory.
+The package is installed, because `sepv reproduce` runs it. Read `record` first (panels and
+statements), then `suite`, which computes all panels. Each other file is a figure or a part of the
+theory.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""§2: without noise the energy-preserving scheme (2.1) is the method of order two of Cohen and Hairer (2011)."""
+"""§2: without noise the energy-preserving scheme (2.1)
+is the method of order two of Cohen and Hairer (2011).
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ T, STEPS = 1.0, (16, 32, 64, 128)
 
 
 def errors(scheme: str, problem: str) -> list[float]:
-    """The errors |y_N − y(T)| of a scheme without noise (c = 0), for each number N of steps in STEPS."""
+    """The errors |y_N − y(T)| of a scheme without noise (c = 0),
+    for each number N of steps in STEPS.
+    """
     method, system = schemes.PAPER[scheme], SYSTEMS[problem](noise=())
     start, sizes = np.array(system.initial), []
     exact = exact_flow(system, T).y
@@ -37,7 +41,8 @@ def errors(scheme: str, problem: str) -> list[float]:
 def jobs(_size: Size) -> list[Job]:
     """The jobs: one for each pair of a scheme and a problem.
 
-    The jobs do not depend on the size of the reproduction: nothing is random, and a quick reproduction omits none.
+    The jobs do not depend on the size of the reproduction: nothing is random, and a quick
+    reproduction omits none.
     """
     return [
         Job(("theory", "deterministic", s, p), errors, {"scheme": s, "problem": p}, 0.5)

@@ -1,9 +1,10 @@
-"""Sentences of the paper that do not hold as printed, as data: the passage, the right statement, and evidence.
+"""Sentences of the paper that do not hold as printed, as data: the passage, the right statement,
+and evidence.
 
-An entry quotes its sentence together with its neighbours, since a sentence may be completed by the next one. Formulas
-are between backticks and omissions are marked by "…"; the rest is the paper's text, word by word
-(``python -m benchmarks.errata --check TEXT`` compares). An entry is shown as an erratum only if its evidence, a
-computation, refutes the sentence.
+An entry quotes its sentence together with its neighbours, since a sentence may be completed by the
+next one. Formulas are between backticks and omissions are marked by "…"; the rest is the paper's
+text, word by word (``python -m benchmarks.errata --check TEXT`` compares). An entry is shown as an
+erratum only if its evidence, a computation, refutes the sentence.
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ from .record import Statement
 
 
 class Evidence(NamedTuple):
-    """The result of a check of a printed statement: two flags, that it holds or is refuted, and numbers in words."""
+    """The result of a check of a printed statement: two flags, that it holds or is refuted,
+    and numbers in words.
+    """
 
     holds: bool
     refuted: bool
@@ -76,13 +79,17 @@ def statements() -> list[Statement]:
 
 
 def errata() -> list[tuple[Erratum, str]]:
-    """The entries whose printed statement is refuted, in the order of the paper, each with what was measured."""
+    """The entries whose printed statement is refuted, in the order of the paper,
+    each with what was measured.
+    """
     decided = zip(ENTRIES, statements(), strict=True)
     return [(entry, evidence.measured) for entry, evidence in decided if evidence.verdict == "fails"]
 
 
 def moment_gap(A: float) -> float:
-    """The variance that ξ ~ N(0, 1) loses by ζ = clip(ξ, ±A): E[ξ² − ζ²] = 2[(1 − A²) Q(A) + A φ(A)]."""
+    """The variance that ξ ~ N(0, 1) loses by ζ = clip(ξ, ±A):
+    E[ξ² − ζ²] = 2[(1 − A²) Q(A) + A φ(A)].
+    """
     phi = math.exp(-A * A / 2) / math.sqrt(2 * math.pi)
     Q = 0.5 * math.erfc(A / math.sqrt(2))
     return 2 * ((1 - A * A) * Q + A * phi)
@@ -99,7 +106,9 @@ def _moments() -> Evidence:
 
 
 def _product() -> Evidence:
-    """Check the shapes of a printed product: B times a row is undefined, and B times the column D(·) + e is meant."""
+    """Check the shapes of a printed product: B times a row is undefined,
+    and B times the column D(·) + e is meant.
+    """
     B = np.array([[0.0, -1.0], [1.0, 0.0]])
     D, e, y0, y1 = np.diag([1.0, 2.0]), np.array([0.5, -0.25]), np.array([1.0, 0.5]), np.array([0.75, 1.0])
     row = 0.5 * (y0 + y1)[None] @ D + e[None]
@@ -133,7 +142,9 @@ def _ball() -> Evidence:
 
 
 def _level() -> Evidence:
-    """Check f on the level H = H(y0) of Lotka-Volterra: y1 grows, y3 is fixed, and y2 + ln y2 = s gives y2 = W(e^s)."""
+    """Check f on the level H = H(y0) of Lotka-Volterra: y1 grows, y3 is fixed,
+    and y2 + ln y2 = s gives y2 = W(e^s).
+    """
     from scipy.special import lambertw
 
     system = problems.lotka_volterra()
@@ -155,7 +166,9 @@ def _level() -> Evidence:
 
 
 def _comparison() -> Evidence:
-    """Compare H along (2.1) and the midpoint scheme for H = ½p² + ¼q⁴, whose levels are bounded, but not ∇H on ℝ²."""
+    """Compare H along (2.1) and the midpoint scheme for H = ½p² + ¼q⁴, whose levels are bounded,
+    but not ∇H on ℝ².
+    """
     system = Problem(
         dimension=2, structure=structure, hamiltonian=lambda y: 0.5 * y[0] ** 2 + 0.25 * y[1] ** 4, noise=(1.0,),
         initial=(0.5, 1.0), degree=4,

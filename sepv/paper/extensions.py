@@ -1,4 +1,6 @@
-"""Questions that §1 and §5 leave open: Lévy areas for noises that do not commute, several stages, weak order."""
+"""Questions that §1 and §5 leave open: Lévy areas for noises that do not commute, several stages,
+weak order.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ POINTS = (
 
 
 def areas(fine: Array, steps: int) -> Array:
-    """Lévy areas ½∫(W_i dW_j − W_j dW_i), (N, m, m, M), over N = `steps` steps, for W linear between fine steps."""
+    """Lévy areas ½∫(W_i dW_j − W_j dW_i), (N, m, m, M), over N = `steps` steps,
+    for W linear between fine steps.
+    """
     parts = fine.reshape(steps, -1, *fine.shape[1:])
     before = np.cumsum(parts, axis=1) - parts
     product = np.einsum("nkim,nkjm->nijm", before, parts)
@@ -38,7 +42,8 @@ def areas(fine: Array, steps: int) -> Array:
 
 
 def heun(problem: Problem, y0: Array, T: float, dW: Array) -> Array:
-    """Solve the Stratonovich equation by Heun's method with increments dW (N, m, M), and return y(T) (d, M).
+    """Solve the Stratonovich equation by Heun's method with increments dW (N, m, M),
+    and return y(T) (d, M).
 
     A step is y ← y + ½(F(y) + F(ŷ)) with ŷ = y + F(y) and F = [h B + Σ c_j ΔW_j G_j]∇H.
     """
@@ -55,7 +60,9 @@ def heun(problem: Problem, y0: Array, T: float, dW: Array) -> Array:
 
 
 def errors(samples: int, seed: int) -> dict[str, list[float]]:
-    """Rms errors at T without and with Lévy areas, against Heun's method with fine steps, and energy errors."""
+    """Rms errors at T without and with Lévy areas, against Heun's method with fine steps,
+    and energy errors.
+    """
     problem = problems.by_name(TOPS)
     start = np.array(problem.initial)
     fine = wiener.increments(seed, T=T, steps=FINE, noises=problem.noises, paths=range(samples))
@@ -75,7 +82,9 @@ def errors(samples: int, seed: int) -> dict[str, list[float]]:
 
 
 def staged(stages: int, samples: int, seed: int) -> list[float]:
-    """Rms errors at T of the s-stage collocation method for noises whose flows commute, against the closed form."""
+    """Rms errors at T of the s-stage collocation method for noises whose flows commute,
+    against the closed form.
+    """
     problem = problems.commuting_rotations()
     start = np.array(problem.initial)
     fine = wiener.increments(seed, T=T, steps=STAGED[-1], noises=problem.noises, paths=range(samples))
@@ -90,14 +99,18 @@ def staged(stages: int, samples: int, seed: int) -> list[float]:
 
 
 def weak(scheme: str, increments: str | None = None) -> dict[str, list[float]]:
-    """The largest error of E g(y1) over polynomials g and states, for one step of the pendulum with each h."""
+    """The largest error of E g(y1) over polynomials g and states,
+    for one step of the pendulum with each h.
+    """
     method = weakly(schemes.by_name(scheme), increments)
     local = local_errors(method, problems.by_name("pendulum"), Run())
     return {"h": local.h.tolist(), "weak": local.weak.tolist()}
 
 
 def jobs(size: Size) -> list[Job]:
-    """The jobs: errors at T with and without Lévy areas, errors at T for several stages, weak errors of one step."""
+    """The jobs: errors at T with and without Lévy areas, errors at T for several stages,
+    weak errors of one step.
+    """
     arguments, few = {"samples": size.samples(SAMPLES), "seed": size.seed}, {"samples": STAGED_SAMPLES}
     return [
         Job(("theory", "areas"), errors, arguments, 6.0),

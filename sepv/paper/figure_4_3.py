@@ -30,7 +30,9 @@ _PARAMETERS = {"c": 1.0, "I": [0.345, 0.653, 1.0], "y0": [0.8, 0.6, 0.0], "h": H
 
 
 def jobs(size: Size) -> list[Job]:
-    """The jobs: paths for the left plots, and errors at time T, of the paper's six schemes and of splitting."""
+    """The jobs: paths for the left plots, and errors at time T,
+    of the paper's six schemes and of splitting.
+    """
     return [*order.jobs(ORDER, size), *RUNS.jobs(size)]
 
 
@@ -66,7 +68,9 @@ def panels(results: Results) -> list[Panel]:
 
 
 def _casimir_formula() -> Statement:
-    """The statement that §4.2's two functions called the Casimir, which differ by a factor, are both Casimirs."""
+    """The statement that §4.2's two functions called the Casimir, which differ by a factor,
+    are both Casimirs.
+    """
     problem = problems.by_name(PROBLEM)
     y0 = np.array(problem.initial)
     # Each component is a difference of two equal products.

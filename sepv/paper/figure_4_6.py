@@ -25,7 +25,8 @@ ORDER = order.Setting(
         "splitting, which the paper does not show, is added",
     ),
 )  # fmt: skip
-# Errors on the interval of the energy plot, against a scheme with a fine step, the kind of reference that §4.4 names.
+# Errors on the interval of the energy plot, against a scheme with a fine step, the kind of
+# reference that §4.4 names.
 FINE_REFERENCE = order.Setting(
     "4.6", PROBLEM, T=5.0, steps=(1280, 2560, 5120, 10240, 20480), samples=128, schemes=("midpoint", "milstein"),
     title="Lotka-Volterra: what a fine-step reference hides",
@@ -57,13 +58,16 @@ def panels(results: Results) -> list[Panel]:
 
 
 def _domain(run: runs.Run) -> Statement:
-    """The statement that splitting, a composition of exact flows, stays in y > 0 and keeps the Casimir."""
+    """The statement that splitting, a composition of exact flows,
+    stays in y > 0 and keeps the Casimir.
+    """
     system = problems.by_name(PROBLEM)
     assert system.nambu is not None
     smallest = float(np.min(run.y))
     with np.errstate(invalid="ignore"):
         casimir = system.nambu.casimir(run.y)
-        # A relative error eps of y_i moves C by |∂C/∂ln y_i| eps; a step multiplies each component a few times.
+        # A relative error eps of y_i moves C by |∂C/∂ln y_i| eps; a step multiplies each component
+        # a few times.
         size = float(np.max(np.sum(np.abs(system.nambu.gradient(run.y) * run.y), axis=0)))
     moved, limit = float(np.max(np.abs(casimir - casimir[0]))), runs.rounding_bound(run.steps) * size
     return Statement(

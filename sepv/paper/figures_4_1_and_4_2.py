@@ -21,7 +21,8 @@ PROBLEM = "harmonic-oscillator"
 STEPS, H = 100_000, 1e-2
 EXPLICIT = ("euler-maruyama", "milstein", "euler-heun")
 SHOWN = ("euler-maruyama", "energy-preserving", "milstein", "euler-heun")
-# Explicit steps cost the same for one sample and for 64, so that the growth of H is measured over samples.
+# Explicit steps cost the same for one sample and for 64, so that the growth of H is measured over
+# samples.
 RUNS = runs.LongRuns("4.1", PROBLEM, H, STEPS, SHOWN, {"energy-preserving": 1}, others=64)
 _SAME = "§4.1 and §3.3", "the Hamiltonian is quadratic"
 ORDER = order.Setting(
@@ -37,7 +38,8 @@ FINE_REFERENCE = order.Setting(
     source="Figure 4.2, the paper's own kind of reference", place="§4.1",
 )  # fmt: skip
 RADIUS = float(np.hypot(0.1, 0.2))
-# The window reaches to four radii of the energy circle, while solutions of other schemes grow a thousandfold.
+# The window reaches to four radii of the energy circle, while solutions of other schemes grow a
+# thousandfold.
 WINDOW = 0.9
 
 
@@ -54,7 +56,9 @@ def long_time(results: Results) -> list[Panel]:
 
 
 def convergence(results: Results) -> list[Panel]:
-    """The panels of Figure 4.2: strong errors against the exact solution, and against a scheme with a fine step."""
+    """The panels of Figure 4.2: strong errors against the exact solution,
+    and against a scheme with a fine step.
+    """
     return [order.panel(ORDER, results), order.fine_panel(FINE_REFERENCE, results)]
 
 
@@ -139,7 +143,9 @@ def _position(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Pan
 
 
 def _cayley() -> Statement:
-    """The statement that the explicit formula of §4.1 gives the same step as the energy-preserving scheme."""
+    """The statement that the explicit formula of §4.1 gives the same step as the energy-preserving
+    scheme.
+    """
     problem = problems.by_name(PROBLEM)
     dW = bounded.truncate(wiener.increments(1, T=H, steps=1, noises=1, paths=256)[0], H)
     start = p, x = np.repeat(np.array(problem.initial)[:, None], 256, axis=1)
@@ -156,10 +162,11 @@ def _cayley() -> Statement:
 
 
 def growth_per_step(name: str, h: float) -> tuple[float, float]:
-    """Mean and variance of ln(H(y_{n+1})/H(y_n)) for the oscillator, where they do not depend on y_n.
+    """Mean and variance of ln(H(y_{n+1})/H(y_n)) for the oscillator,
+    where they do not depend on y_n.
 
-    With S = ΔŴ, H_n+1/H_n is (1 − h/2)² + (h + S)² for Euler-Maruyama, (1 − S²/2)² + (h + S)² for Milstein and
-    (1 − (hS + S²)/2)² + (h + S)² for Euler-Heun.
+    With S = ΔŴ, H_n+1/H_n is (1 − h/2)² + (h + S)² for Euler-Maruyama, (1 − S²/2)² + (h + S)² for
+    Milstein and (1 − (hS + S²)/2)² + (h + S)² for Euler-Heun.
     """
     nodes, weights = np.polynomial.hermite_e.hermegauss(80)
     S = np.sqrt(h) * np.clip(nodes, *bounded.truncation_bound(h, 2) * np.array([-1, 1]))
@@ -170,7 +177,9 @@ def growth_per_step(name: str, h: float) -> tuple[float, float]:
 
 
 def _growth(run: runs.Run) -> Statement:
-    """The statement on the growth of energy: the mean of ln H over samples against E[ln H] by the scheme's formula."""
+    """The statement on the growth of energy: the mean of ln H over samples against E[ln H] by the
+    scheme's formula.
+    """
     mean, variance = growth_per_step(run.scheme, run.h)
     logs: Array = np.log(run.energies[-1] / run.energy[0])
     expected, spread = mean * run.steps, np.sqrt(variance * run.steps / logs.size)

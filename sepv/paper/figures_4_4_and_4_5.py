@@ -20,7 +20,8 @@ STEPS, H = 32_000, 2.0**-6
 LOSE = ("euler-maruyama", "euler-heun", "milstein")
 KEEP = ("discrete-gradient", "energy-preserving")
 SHOWN = (*LOSE, "midpoint", *KEEP)
-# The number of samples; one is drawn. Further samples cost explicit schemes nothing, and the midpoint rule little.
+# The number of samples; one is drawn. Further samples cost explicit schemes nothing, and the
+# midpoint rule little.
 SAMPLES = {"energy-preserving": 1, "discrete-gradient": 1, "midpoint": 32}
 RUNS = runs.LongRuns("4.4", PROBLEM, H, STEPS, SHOWN, SAMPLES, others=64)
 NOT_SAID = "(ours) not said in §4.3"
@@ -46,7 +47,9 @@ _PARAMETERS = {"p0": 0.2, "q0": 1.0, "c": [1.0, 0.5], "h": H}
 
 
 def jobs(size: Size) -> list[Job]:
-    """The jobs: long runs, mean energies of the midpoint scheme, errors at T, and errors of a fine-step reference."""
+    """The jobs: long runs, mean energies of the midpoint scheme, errors at T,
+    and errors of a fine-step reference.
+    """
     # The number of steps is a power of two, so that each time is half of the next.
     T = max(MEAN_H) * 2 ** (size.steps(MEAN_STEPS).bit_length() - 1)
     given = {"T": T, "paths": size.samples(MEAN_PATHS), **size.given}
@@ -57,7 +60,9 @@ def jobs(size: Size) -> list[Job]:
 
 
 def long_time(results: Results) -> list[Panel]:
-    """The panels of Figure 4.4: energy of all schemes, energy of two schemes enlarged, mean energy, and position."""
+    """The panels of Figure 4.4: energy of all schemes, energy of two schemes enlarged, mean energy,
+    and position.
+    """
     by_scheme = RUNS.by_scheme(results)
     parameters = _PARAMETERS | {"T": by_scheme["midpoint"].steps * H}
     mean = _mean({h: results["4.4", "mean", str(h)] for h in MEAN_H})
@@ -70,7 +75,9 @@ def long_time(results: Results) -> list[Panel]:
 
 
 def convergence(results: Results) -> list[Panel]:
-    """The panels of Figure 4.5: errors against the exact solution, and against a scheme with a fine step."""
+    """The panels of Figure 4.5: errors against the exact solution,
+    and against a scheme with a fine step.
+    """
     return [order.panel(ORDER, results), order.fine_panel(FINE_REFERENCE, results)]
 
 
@@ -114,9 +121,11 @@ def _zoom(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
 
 
 def _walk(run: runs.Run) -> Statement:
-    """The statement that the midpoint scheme's energy error grows like √t, decided by its rms over samples.
+    """The statement that the midpoint scheme's energy error grows like √t,
+    decided by its rms over samples.
 
-    Times in the first period do not count, because there a bounded error also grows, from 0 to its bound.
+    Times in the first period do not count, because there a bounded error also grows, from 0 to its
+    bound.
     """
     from scipy.special import ellipk
 
@@ -146,7 +155,9 @@ def mean_energy(h: float, T: float, paths: int, seed: int, engine: str) -> Growt
 
 
 def _mean(growth_by_step: dict[float, Growth]) -> Panel:
-    """The panel of E[H] along the midpoint scheme, whose small drift is compared with theory for symplectic maps."""
+    """The panel of E[H] along the midpoint scheme, whose small drift is compared with theory for
+    symplectic maps.
+    """
     curves, rates, agree, ends = [], [], [], []
     for h, row in growth_by_step.items():
         name, theory = f"h = {power(h, 2)}", row.derived

@@ -1,6 +1,7 @@
 """Criteria that decide a statement, and the slopes that most of them use.
 
-Each criterion has two bounds, one for "holds" and one for "fails". Between the two bounds the verdict is "open".
+Each criterion has two bounds, one for "holds" and one for "fails". Between the two bounds the
+verdict is "open".
 """
 
 from __future__ import annotations
@@ -23,13 +24,17 @@ def slope(x: ArrayLike, y: ArrayLike) -> float:
 
 
 def finest_slope(h: Sequence[float], errors: Sequence[float]) -> float:
-    """The slope of ln error between the two finest h with errors above 10⁴ roundings of a state with |y| ≈ 1."""
+    """The slope of ln error between the two finest h with errors above 10⁴ roundings of a state
+    with |y| ≈ 1.
+    """
     first, last = [n for n, e in enumerate(errors) if e > 1e4 * EPS][-2:]
     return float(np.log(errors[first] / errors[last]) / np.log(h[first] / h[last]))
 
 
 def decide(true: bool, false: bool) -> Verdict:
-    """The verdict on a statement: holds if `true`, fails if `false`, open if neither; they are never both true."""
+    """The verdict on a statement: holds if `true`, fails if `false`, open if neither;
+    they are never both true.
+    """
     assert not (true and false)
     return "holds" if true else "fails" if false else "open"
 
@@ -45,16 +50,22 @@ def above(value: float, limit: float, refuted: float) -> Verdict:
 
 
 def near(value: float, target: float, within: float, refuted: float) -> Verdict:
-    """The verdict on "the value is at most `within` from `target`"; it fails beyond the distance `refuted`."""
+    """The verdict on "the value is at most `within` from `target`";
+    it fails beyond the distance `refuted`.
+    """
     return decide(bool(abs(value - target) < within), bool(abs(value - target) > refuted))
 
 
 def interval_near(low: float, high: float, target: float, within: float) -> Verdict:
-    """The verdict on "the interval [low, high] lies in target ± within"; it fails if they are disjoint."""
+    """The verdict on "the interval [low, high] lies in target ± within";
+    it fails if they are disjoint.
+    """
     inside = target - within < low and high < target + within
     return decide(inside, high < target - within or low > target + within)
 
 
 def every(*verdicts: Verdict) -> Verdict:
-    """The verdict on a statement of several parts: it holds if all parts hold, and fails if one part fails."""
+    """The verdict on a statement of several parts: it holds if all parts hold,
+    and fails if one part fails.
+    """
     return decide(set(verdicts) <= {"holds"}, "fails" in verdicts)

@@ -1,12 +1,14 @@
-"""Lemma 3.2, (3.5) to (3.7): the coefficients of Δ³ of (2.1) and the midpoint scheme, and moments of the remainder.
+"""Lemma 3.2, (3.5) to (3.7): the coefficients of Δ³ of (2.1) and the midpoint scheme,
+and moments of the remainder.
 
-The proof ends with "an explicit expression of c(y_n)", which is not printed. With f = B∇H, g = ∇H, y1 = y + δ,
-δ = Δf + ½Δ²f′f + O(Δ³), B(y + δ/2) = B + ½B′δ + ⅛B″(δ, δ) + … and ∫g(y + τδ)dτ = g + ½g′δ + ⅙g″(δ, δ) + …, the terms of
-Δ³ in their product are
+The proof ends with "an explicit expression of c(y_n)", which is not printed. With f = B∇H, g = ∇H,
+y1 = y + δ, δ = Δf + ½Δ²f′f + O(Δ³), B(y + δ/2) = B + ½B′δ + ⅛B″(δ, δ) + … and ∫g(y + τδ)dτ = g
++ ½g′δ + ⅙g″(δ, δ) + …, the terms of Δ³ in their product are
 
     c = ⅛ B″(f, f)g + ¼ B′(f)g′f + ⅙ B g″(f, f) + ¼ f′f′f.
 
-The midpoint scheme, δ = Δ f(y + δ/2), has c̃ = ⅛f″(f, f) + ¼f′f′f. As f″(f, f) = B″(f, f)g + 2B′(f)g′f + Bg″(f, f),
+The midpoint scheme, δ = Δ f(y + δ/2), has c̃ = ⅛f″(f, f) + ¼f′f′f. As f″(f, f) = B″(f, f)g
++ 2B′(f)g′f + Bg″(f, f),
 
     c − c̃ = (1/24) B g″(f, f).
 """
@@ -32,12 +34,15 @@ NAMES = ("rigid-body", "pendulum", "lotka-volterra")
 H_STEPS = tuple(2.0**-n for n in range(4, 12))
 # The step Δ of differences in extended precision, whose error is O(Δ²), about 1e-12.
 DIFFERENCE_STEP = 2.0**-20
-# The relative difference that is allowed for two values of c(y): differences in binary64 give c to about 1e-12.
+# The relative difference that is allowed for two values of c(y): differences in binary64 give c to
+# about 1e-12.
 AGREES = 1e-10
 
 
 def coefficients(problem: Problem, y: Array) -> tuple[Array, Array]:
-    """The coefficients of Δ³ in y1, c(y) of (2.1) and c̃(y) of the midpoint scheme, by formulas at states y (d, M)."""
+    """The coefficients of Δ³ in y1, c(y) of (2.1) and c̃(y) of the midpoint scheme,
+    by formulas at states y (d, M).
+    """
     f = vector_field(problem, y)
     g, B = problem.gradient(y), problem.structure(y)
     half = 0.5 * matvec(structure_curvature(problem, y, f), g) * 0.25
@@ -75,7 +80,9 @@ def expanded(scheme: str, data: NamedProblem, y: Array) -> Array:
 
 
 def measured(problem: str) -> dict[str, dict[str, Any]]:
-    """The coefficients of Δ³ in y1 at one state, by formula and by small steps, and the moments of the remainder."""
+    """The coefficients of Δ³ in y1 at one state, by formula and by small steps,
+    and the moments of the remainder.
+    """
     system = problems.by_name(problem)
     assert isinstance(system.data, NamedProblem)
     y = (1.1 * np.array(system.initial) + 0.05)[:, None]
@@ -104,12 +111,16 @@ def measured(problem: str) -> dict[str, dict[str, Any]]:
 
 
 def jobs(_size: Size) -> list[Job]:
-    """The jobs: one for each problem. No job is random, so that none depends on the size of the reproduction."""
+    """The jobs: one for each problem. No job is random,
+    so that none depends on the size of the reproduction.
+    """
     return [Job(("theory", "lemma", name), measured, {"problem": name}, 1.0) for name in NAMES]
 
 
 def panels(results: Results) -> list[Panel]:
-    """The panel of moments of R_n and R̃_n, the remainders after Δ³ of (2.1) and the midpoint scheme, against h."""
+    """The panel of moments of R_n and R̃_n, the remainders after Δ³ of (2.1)
+    and the midpoint scheme, against h.
+    """
     moments = {name: results["theory", "lemma", name] for name in NAMES}
     return [Panel(
         key="theory-lemma-3.2", title="What the expansions (3.1) and (3.5) leave", source="Lemma 3.2, (3.2), (3.5)",
@@ -125,7 +136,9 @@ def panels(results: Results) -> list[Panel]:
 
 
 def _statements(name: str, moments: dict[str, dict[str, Any]]) -> Iterator[Statement]:
-    """Statements on the coefficients of Δ³ in y1, by formula and by small steps, and on the remainder's orders."""
+    """Statements on the coefficients of Δ³ in y1, by formula and by small steps,
+    and on the remainder's orders.
+    """
     values = {kind: [np.array(moments[n][kind]) for n in SCHEMES] for kind in ("formula", "expansion")}
     size = max(np.max(np.abs(one)) for one in values["expansion"])
     ours, theirs = (a - b for a, b in zip(*values.values(), strict=True))
@@ -148,7 +161,8 @@ def _statements(name: str, moments: dict[str, dict[str, Any]]) -> Iterator[State
             f"a difference of at most {AGREES:g} of c: differences of B and H″ in binary64",
         )  # fmt: skip
     for scheme, letter, source in zip(SCHEMES, ("R_n", "R̃_n"), ("(3.2)", "after (3.5)"), strict=True):
-        # The finest pair of steps is taken, because the next term of the remainder is smaller by the factor √h only.
+        # The finest pair of steps is taken, because the next term of the remainder is smaller by
+        # the factor √h only.
         mean, rms = (
             float(np.log2(moments[scheme][kind][-2] / moments[scheme][kind][-1])) for kind in ("mean", "rms")
         )

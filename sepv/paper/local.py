@@ -1,7 +1,9 @@
-"""Checks of (3.8) and (3.9): mean and rms of the difference of two schemes after one step, by quadrature over ΔŴ.
+"""Checks of (3.8) and (3.9): mean and rms of the difference of two schemes after one step,
+by quadrature over ΔŴ.
 
-The paper compares (2.1) with the midpoint scheme. Milstein's Lemma 2.1 of [16] has the same conditions for a scheme and
-the exact solution. Given y_n, both differences are integrals over ΔŴ, and no sampling is needed.
+The paper compares (2.1) with the midpoint scheme. Milstein's Lemma 2.1 of [16] has the same
+conditions for a scheme and the exact solution. Given y_n, both differences are integrals over ΔŴ,
+and no sampling is needed.
 """
 
 from __future__ import annotations
@@ -19,13 +21,16 @@ from .record import SENTENCE, STATED, Job, Panel, Results, Size, Statement, poin
 
 PROBLEM = "pendulum"
 H_STEPS = tuple(2.0**-n for n in range(5, 16))
-# For mean-square order p the lemma demands the exponents p1 ≥ p + 1 of the mean and p2 = p + 1/2 of the mean square.
-# The schemes here have p1 = 2, as in (3.8). MARGIN = 1/4 is half-way to the next lower half-integer.
+# For mean-square order p the lemma demands the exponents p1 ≥ p + 1 of the mean and p2 = p + 1/2 of
+# the mean square. The schemes here have p1 = 2, as in (3.8). MARGIN = 1/4 is half-way to the next
+# lower half-integer.
 MARGIN = 0.25
 
 
 def difference() -> dict[str, list[float]]:
-    """The sizes ‖E[y1 − ỹ1]‖ and (E‖y1 − ỹ1‖²)^½, for y1 by (2.1) and ỹ1 by the midpoint scheme from one state."""
+    """The sizes ‖E[y1 − ỹ1]‖ and (E‖y1 − ỹ1‖²)^½, for y1 by (2.1)
+    and ỹ1 by the midpoint scheme from one state.
+    """
     system = problems.by_name(PROBLEM)
     y = np.array(system.initial)
     mean, rms = [], []
@@ -41,19 +46,25 @@ def difference() -> dict[str, list[float]]:
 
 
 def against_exact(scheme: str) -> dict[str, list[float]]:
-    """Mean and rms error of one step of a scheme against the exact solution, the largest over a few states."""
+    """Mean and rms error of one step of a scheme against the exact solution,
+    the largest over a few states.
+    """
     errors = local_errors(schemes.PAPER[scheme], problems.by_name(PROBLEM), Run())
     return {"h": errors.h.tolist(), "mean": errors.mean.tolist(), "rms": errors.rms.tolist()}
 
 
 def jobs(_size: Size) -> list[Job]:
-    """The jobs: one for each scheme. No job is random, so that none depends on the size of the reproduction."""
+    """The jobs: one for each scheme. No job is random,
+    so that none depends on the size of the reproduction.
+    """
     listed = [Job(("theory", "local", name), against_exact, {"scheme": name}, 0.5) for name in STATED]
     return [*listed, Job(("theory", "local", ""), difference, {}, 0.2)]
 
 
 def _of_the_paper(pair: dict[str, list[float]]) -> tuple[Statement, ...]:
-    """Statements (3.8) and (3.9), on (2.1) against the midpoint scheme, and a moment from the proof of Theorem 3.3."""
+    """Statements (3.8) and (3.9), on (2.1) against the midpoint scheme,
+    and a moment from the proof of Theorem 3.3.
+    """
     mean, rms = (judge.finest_slope(pair["h"], pair[kind]) for kind in ("mean", "rms"))
     # (E[(h + cΔŴ)¹²])^¼ with c = 1, which the proof takes out of (3.6) by Cauchy and Schwarz.
     moments = []
@@ -76,7 +87,9 @@ def _of_the_paper(pair: dict[str, list[float]]) -> tuple[Statement, ...]:
 
 
 def _of_a_scheme(name: str, mean: float, rms: float) -> Statement:
-    """The statement that a scheme of order p meets Lemma 2.1 of [16]: mean error O(h^(p+1)), rms error O(h^(p+½))."""
+    """The statement that a scheme of order p meets Lemma 2.1 of [16]: mean error O(h^(p+1)),
+    rms error O(h^(p+½)).
+    """
     p = STATED[name]
     p1, p2 = p + 1 - MARGIN, p + 0.5 - MARGIN
     return Statement(
@@ -88,7 +101,9 @@ def _of_a_scheme(name: str, mean: float, rms: float) -> Statement:
 
 
 def panels(results: Results) -> list[Panel]:
-    """The panel of the mean and rms error of one step of every scheme, with their slopes against h."""
+    """The panel of the mean and rms error of one step of every scheme, with their slopes
+    against h.
+    """
     errors = {name: results["theory", "local", name] for name in STATED}
     pair = results["theory", "local", ""]
     slopes = {n: [judge.finest_slope(e["h"], e[kind]) for kind in ("mean", "rms")] for n, e in errors.items()}

@@ -1,4 +1,6 @@
-"""A reproduction on the terminal: the statements panel by panel, and progress with the time left."""
+"""A reproduction on the terminal: the statements panel by panel, and progress with the time
+left.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ def show(reproduction: Reproduction, out: Console) -> None:
 
 
 class Row(NamedTuple):
-    """A paragraph of the report and the verdict on its statement; the verdict is empty if it makes no statement."""
+    """A paragraph of the report and the verdict on its statement;
+    the verdict is empty if it makes no statement.
+    """
 
     verdict: str
     text: str
@@ -45,7 +49,9 @@ def _rows(s: Statement) -> list[Row]:
 
 
 def _print(rows: Sequence[Row], out: Console) -> None:
-    """Print paragraphs wrapped beside their verdicts; if the output is no terminal, one line each."""
+    """Print paragraphs wrapped beside their verdicts; if the output is no terminal, one line
+    each.
+    """
     if not out.is_terminal:
         for row in rows:
             out.print(Text(f"  {row.verdict:<6}{row.text}"), soft_wrap=True)

@@ -1,4 +1,6 @@
-"""Convergence plots: rms errors at the end time against the step size, and verdicts on the stated orders."""
+"""Convergence plots: rms errors at the end time against the step size,
+and verdicts on the stated orders.
+"""
 
 from __future__ import annotations
 
@@ -23,11 +25,12 @@ COST = {"energy-preserving": 3.0, "midpoint": 2.5, "discrete-gradient": 5.0}
 
 @dataclass(frozen=True)
 class Setting:
-    """A convergence experiment with step sizes h = T/steps over `samples` paths, and the texts of its plot.
+    """A convergence experiment with step sizes h = T/steps over `samples` paths,
+    and the texts of its plot.
 
-    source : the plot of the paper that the experiment repeats
-    place : where the paper states the order of (2.1), or names a reference with a fine step
-    same : pairs of schemes with equal steps on this problem, each with the place in the paper and the reason
+    source : the plot of the paper that the experiment repeats place : where the paper states the
+    order of (2.1), or names a reference with a fine step same : pairs of schemes with equal steps
+    on this problem, each with the place in the paper and the reason
     """
 
     figure: str
@@ -79,10 +82,13 @@ def order_statement(name: str, errors: StrongErrors, source: str) -> Statement:
 def same_statement(
     one: str, other: str, errors: dict[str, StrongErrors], source: str, reason: str
 ) -> Statement:
-    """The statement that the schemes `one` and `other` are equal here: their y at T differ by rounding only."""
+    """The statement that the schemes `one` and `other` are equal here:
+    their y at T differ by rounding only.
+    """
     a, b = errors[one], errors[other]
     difference = float(np.max(np.abs(a.errors - b.errors)))
-    # Each step adds a rounding error, which the flow multiplies by its Lipschitz constant, e^2 or less here.
+    # Each step adds a rounding error, which the flow multiplies by its Lipschitz constant, e^2 or
+    # less here.
     bound = 64 * EPS * a.scale * max(a.steps)
     first, second = (record.SENTENCE[name] for name in (one, other))
     return Statement(
@@ -94,7 +100,9 @@ def same_statement(
 
 
 def panel(setting: Setting, results: Results, extra: Sequence[Statement] = ()) -> Panel:
-    """The panel with the convergence plot, a statement on each scheme, and one on each pair that is one integrator."""
+    """The panel with the convergence plot, a statement on each scheme,
+    and one on each pair that is one integrator.
+    """
     errors: dict[str, StrongErrors] = {n: results[setting.figure, "order", n] for n in setting.schemes}
     places = {n: setting.place if n == "energy-preserving" else record.stated_in(n, "§4") for n in errors}
     h = setting.T / np.array(setting.steps)
@@ -122,9 +130,11 @@ def panel(setting: Setting, results: Results, extra: Sequence[Statement] = ()) -
 
 
 def fine_jobs(setting: Setting, size: Size) -> list[Job]:
-    """The jobs that show how errors change if a scheme with a fine step stands for the exact solution.
+    """The jobs that show how errors change if a scheme with a fine step stands for the exact
+    solution.
 
-    This reference is the first scheme with steps[-1] steps; errors are measured for each number in `steps`.
+    This reference is the first scheme with steps[-1] steps; errors are measured for each number in
+    `steps`.
     """
     samples = size.samples(setting.samples)
     counting = {**setting.given, "samples": samples, "seed": size.seed}
@@ -135,10 +145,12 @@ def fine_jobs(setting: Setting, size: Size) -> list[Job]:
 
 
 def fine_panel(setting: Setting, results: Results) -> Panel:
-    """The panel of errors against the exact solution beside errors against a scheme with a fine step, as in the paper.
+    """The panel of errors against the exact solution beside errors against a scheme with a fine
+    step, as in the paper.
 
-    An error against a scheme with a fine step is the difference of two errors. If both are errors of the same scheme,
-    the difference is too small, and the slope too steep, for h near the fine step; there it is zero.
+    An error against a scheme with a fine step is the difference of two errors. If both are errors
+    of the same scheme, the difference is too small, and the slope too steep, for h near the fine
+    step; there it is zero.
     """
     errors: dict[str, StrongErrors] = {n: results[setting.figure, "fine", n] for n in setting.schemes}
     reference = setting.schemes[0]
@@ -151,12 +163,14 @@ def fine_panel(setting: Setting, results: Results) -> Panel:
         squared = np.sum((e.errors - truth) ** 2, axis=1)
         against = np.sqrt(np.mean(squared, axis=1))
         numbers[name] = {"exact reference": e.rms().tolist(), "fine-step reference": against.tolist()}
-        # The reference's own scheme has error zero at its own step, which a logarithmic axis cannot show.
+        # The reference's own scheme has error zero at its own step, which a logarithmic axis cannot
+        # show.
         nonzero = against > 0
         curves.append(rms_points(f"{name}, exact reference", h, e.squared, name))
         curves.append(rms_points(f"{name}, fine-step reference", h[nonzero], squared[nonzero], name))
     true, own_end = map(np.array, numbers[reference].values())
-    # A truncated increment causes an error of its sample that the order of the scheme does not explain.
+    # A truncated increment causes an error of its sample that the order of the scheme does not
+    # explain.
     counts = zip(results[setting.figure, "fine", "truncated"], at, strict=True)
     truncated = ", ".join(f"{n} {where}" for n, where in counts if n)
     bumps = f"increments that Remark 2.1 truncates, each a bump in the curves: {truncated}"

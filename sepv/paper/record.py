@@ -1,4 +1,5 @@
-"""The records of a reproduction of the paper: jobs to compute, panels (plots as data), and statements with verdicts.
+"""The records of a reproduction of the paper: jobs to compute, panels (plots as data),
+and statements with verdicts.
 
 A panel holds everything that is drawn, so that the figures, the page and a reader's own program all
 start from the same numbers. Jobs run in any order and any process.
@@ -24,8 +25,8 @@ from sepv.statistics import jackknife
 
 from .judge import Verdict
 
-# The paper's schemes: the name at the start of a sentence, and the mean-square order that §4 gives (the paper's
-# statements, not the claims of the schemes here).
+# The paper's schemes: the name at the start of a sentence, and the mean-square order that §4 gives
+# (the paper's statements, not the claims of the schemes here).
 _PAPER = {
     "energy-preserving": ("The energy-preserving scheme", 1.0),
     "midpoint": ("The midpoint scheme", 1.0),
@@ -45,13 +46,16 @@ _PLACES = {name: place for place, name in enumerate(("", *STATED, *OURS))}
 H_AXIS, TIME = Axis("step size h", log=True), Axis("time t")
 ERROR_AXIS = Axis("mean-square error at the end", log=True)
 
-# Schemes with compiled code in the extra `fast`, which takes a few per cent of NumPy's time, and time to load.
+# Schemes with compiled code in the extra `fast`, which takes a few per cent of NumPy's time, and
+# time to load.
 COMPILED = frozenset(("energy-preserving", "midpoint", "euler-heun", "milstein"))
 
 
 @dataclass(frozen=True)
 class Job:
-    """One call of a function, with the seconds that it should take in NumPy, which order the jobs and show progress."""
+    """One call of a function, with the seconds that it should take in NumPy,
+    which order the jobs and show progress.
+    """
 
     key: tuple[str, ...]
     function: Callable[..., Any]
@@ -59,14 +63,18 @@ class Job:
     seconds: float
 
     def expected(self) -> float:
-        """The expected seconds of the job on this machine's engine, by which jobs are ordered and progress is shown."""
+        """The expected seconds of the job on this machine's engine,
+        by which jobs are ordered and progress is shown.
+        """
         compiled = self.arguments.get("engine") == "auto" and self.arguments.get("scheme") in COMPILED
         return 0.1 + 0.02 * self.seconds if compiled and find_spec("numba") else self.seconds
 
 
 @dataclass(frozen=True)
 class Size:
-    """The size of a reproduction: the fraction of the paper's work that is done, the seed and the engine."""
+    """The size of a reproduction: the fraction of the paper's work that is done,
+    the seed and the engine.
+    """
 
     seed: int = 0
     share: float = 1.0
@@ -82,7 +90,9 @@ class Size:
         return max(128, round(full * self.share))
 
     def samples(self, full: int) -> int:
-        """The number of samples of this reproduction for a convergence plot of the paper with `full` samples."""
+        """The number of samples of this reproduction for a convergence plot of the paper with
+        `full` samples.
+        """
         return max(128, round(full * self.share))
 
 
@@ -91,12 +101,13 @@ Results = dict[tuple[str, ...], Any]
 
 @dataclass(frozen=True)
 class Statement:
-    """A statement of the paper about a quantity that can be computed, and the verdict of the computation.
+    """A statement of the paper about a quantity that can be computed,
+    and the verdict of the computation.
 
     text, source : the statement, in the paper's words or close to them, and its place in the paper
-    measured : what was measured, and the result
-    criterion : the condition for "holds"; the text says so if the condition is not derived, but our own choice
-    correction : the right statement, if the paper's does not hold as printed
+    measured : what was measured, and the result criterion : the condition for "holds"; the text
+    says so if the condition is not derived, but our own choice correction : the right statement, if
+    the paper's does not hold as printed
     """
 
     text: str
@@ -111,13 +122,12 @@ class Statement:
 class Panel:
     """One plot of one figure, as data.
 
-    key : the name of the panel and its files, such as "4.1-phase-space": the figure (or "theory"), then its subject
-    parameters : the parameters of the paper, and those of the computation
-    chosen : the choices made where the paper gives none
-    slopes : the reference slopes to draw
-    description : the picture in words, for readers who cannot see it
-    equal : True if both axes have the same scale
-    window : if given, only points with |y| ≤ window are drawn, and |x| ≤ window if `equal`; the series have all points
+    key : the name of the panel and its files, such as "4.1-phase-space": the figure (or
+    "theory"), then its subject parameters : the parameters of the paper, and those of the
+    computation chosen : the choices made where the paper gives none slopes : the reference slopes
+    to draw description : the picture in words, for readers who cannot see it equal : True if both
+    axes have the same scale window : if given, only points with |y| ≤ window are drawn, and |x|
+    ≤ window if `equal`; the series have all points
     """
 
     key: str
@@ -146,7 +156,9 @@ class Panel:
         return data
 
     def to_csv(self) -> str:
-        """The points of all series as CSV, one row a point: series, scheme, x, y, half the width of y's interval."""
+        """The points of all series as CSV, one row a point: series, scheme, x, y,
+        half the width of y's interval.
+        """
         out = io.StringIO()
         table = csv.writer(out, lineterminator="\n")
         table.writerow(["series", "scheme", self.x.label, self.y.label, "±"])
@@ -160,18 +172,24 @@ def series(
     name: str, x: ArrayLike, y: ArrayLike, scheme: str = "", style: Any = "line", *, half: ArrayLike = (),
     group: str = "",
 ) -> Series:  # fmt: skip
-    """A `Series` of arrays x and y, and of half the widths of the intervals of y, if there are any."""
+    """A `Series` of arrays x and y, and of half the widths of the intervals of y, if there are
+    any.
+    """
     numbers = (tuple(np.asarray(v, float).tolist()) for v in (x, y, half))
     return Series(name, next(numbers), next(numbers), scheme, style, next(numbers), group)
 
 
 def points(name: str, x: ArrayLike, y: ArrayLike, scheme: str = "", **more: Any) -> Series:
-    """A `Series` of few points, drawn with markers and joined by lines, such as errors against step sizes."""
+    """A `Series` of few points, drawn with markers and joined by lines,
+    such as errors against step sizes.
+    """
     return series(name, x, y, scheme, "both", **more)
 
 
 def rms_points(name: str, h: ArrayLike, squared: ArrayLike, scheme: str) -> Series:
-    """The curve of rms errors with intervals of 95 %, from the squared errors (L, M) of M samples for L step sizes."""
+    """The curve of rms errors with intervals of 95 %, from the squared errors (L, M)
+    of M samples for L step sizes.
+    """
     estimates = [jackknife(row[None], lambda mean: math.sqrt(mean[0]), 0.05) for row in np.asarray(squared)]
     return points(name, h, [e.value for e in estimates], scheme, half=[e.half for e in estimates])
 
@@ -188,16 +206,21 @@ def _place(curve: Series) -> int:
 
 
 def stated_in(name: str, place: str) -> str:
-    """The place where the paper writes about a scheme: `place`, or §1 for the splitting, which no figure shows."""
+    """The place where the paper writes about a scheme: `place`, or §1 for the splitting,
+    which no figure shows.
+    """
     return "[23] in §1" if name in OURS else place
 
 
 def sentence(name: str) -> str:
-    """The name that starts a sentence about a scheme, with "(ours)" if the paper's figures do not show it."""
+    """The name that starts a sentence about a scheme, with "(ours)" if the paper's figures do not
+    show it.
+    """
     return f"{'(ours) ' if name in OURS else ''}{SENTENCE[name]}"
 
 
-# In inches; the width is that of a journal's column, 86 mm. Type has 8 points, the smallest has 6.5.
+# In inches; the width is that of a journal's column, 86 mm. Type has 8 points, the smallest has
+# 6.5.
 WIDTH, HEIGHT = 3.39, 3.05
 # Letters are drawn as paths, so that a journal's page shows them as they are here.
 _STYLE = {
@@ -207,8 +230,11 @@ _STYLE = {
 
 
 def draw(panel: Panel, folder: Path) -> list[Path]:
-    """Write the plot to folder/KEY.svg, .pdf and .png (300 dpi), with the panel's key, and return the paths."""
-    # Two columns of longer labels are wider than the figure. A legend of many rows makes the figure higher.
+    """Write the plot to folder/KEY.svg, .pdf and .png (300 dpi), with the panel's key,
+    and return the paths.
+    """
+    # Two columns of longer labels are wider than the figure. A legend of many rows makes the figure
+    # higher.
     columns = 2 if max(len(s.name) for s in panel.series) <= 22 else 1
     more = max(0, math.ceil(len(panel.series) / columns) - 3)
     with figure(WIDTH, HEIGHT + 0.14 * more, _STYLE, layout="constrained") as drawn:

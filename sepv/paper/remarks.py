@@ -26,10 +26,12 @@ from .order import ALPHA
 from .record import Job, Panel, Results, Size, Statement, points, rms_points
 from .runs import coarsened, errors
 
-# With this k of Remark 2.1 no increment of the order panel is clipped; a clipped one would add an error of its own.
+# With this k of Remark 2.1 no increment of the order panel is clipped; a clipped one would add an
+# error of its own.
 UNCLIPPED = 4
 STEPS, SAMPLES = (32, 64, 128, 256), 1000
-# The end time, the number of paths and the step sizes for Lotka-Volterra: by this time every path has a refused step.
+# The end time, the number of paths and the step sizes for Lotka-Volterra: by this time every path
+# has a refused step.
 LOST, LOST_PATHS, LOST_H = 512.0, 48, (2.0**-7, 2.0**-8, 2.0**-9)
 TIMES = tuple(2.0**k for k in range(10))
 SETS = {
@@ -41,13 +43,16 @@ CLIP, CLIP_T, CLIP_STEPS = ("harmonic-oscillator", "pendulum", "lotka-volterra")
 
 
 def sublinear() -> Problem:
-    """A problem with H = (1 + p²)^¾ + (1 + q²)^¾: H and f ~ |y|^½ are unbounded, all derivatives of f are bounded."""
+    """A problem with H = (1 + p²)^¾ + (1 + q²)^¾: H and f ~ |y|^½ are unbounded,
+    all derivatives of f are bounded.
+    """
 
     def root(x: Array) -> Array:
         return np.sqrt(np.sqrt(1 + x * x))
 
     def mean(y0: Array, y1: Array) -> Array:
-        # (b³ − a³)/(y1 − y0) with b⁴ − a⁴ = y1² − y0², without cancellation. No quadrature rule is exact for this mean.
+        # (b³ − a³)/(y1 − y0) with b⁴ − a⁴ = y1² − y0², without cancellation. No quadrature rule is
+        # exact for this mean.
         a, b = root(y0), root(y1)
         return (y0 + y1) * (a * a + a * b + b * b) / ((a + b) * (a * a + b * b))
 
@@ -58,13 +63,17 @@ def sublinear() -> Problem:
 
 
 def sublinear_errors(samples: int, seed: int) -> StrongErrors:
-    """The errors at T = 1 of (2.1) on the problem `sublinear`; all step sizes have the same Wiener paths."""
+    """The errors at T = 1 of (2.1) on the problem `sublinear`;
+    all step sizes have the same Wiener paths.
+    """
     scheme = replace(SCHEME, truncation=UNCLIPPED)
     return errors(scheme, sublinear(), T=1.0, steps=STEPS, samples=samples, seed=seed)
 
 
 def sublinear_step() -> list[float]:
-    """The slopes against h of |E[y1 − φ]| and (E|y1 − φ|²)^½ after one step of (2.1), where φ is the exact solution."""
+    """The slopes against h of |E[y1 − φ]| and (E|y1 − φ|²)^½ after one step of (2.1),
+    where φ is the exact solution.
+    """
     errors = local_errors(SCHEME, sublinear(), Run())
     # The three smallest steps with errors well above rounding; these errors are 1e-6 and less.
     usable = [n for n, e in enumerate(errors.mean) if e > 1e4 * EPS][-3:]
@@ -72,10 +81,12 @@ def sublinear_step() -> list[float]:
 
 
 def casimir_loss(h: float, steps: int, paths: int, seed: int, engine: str) -> dict[str, Any]:
-    """Measure by how much (2.1) changes the Casimir C along paths of Lotka-Volterra, and which steps it refuses.
+    """Measure by how much (2.1) changes the Casimir C along paths of Lotka-Volterra,
+    and which steps it refuses.
 
-    The result has the mean of C(y) − C(y0) at `TIMES` over the paths without a refused step so far, the times of the
-    refused steps, and the number of refused steps for which `sepv.schemes.continued` finds a solution.
+    The result has the mean of C(y) − C(y0) at `TIMES` over the paths without a refused step so far,
+    the times of the refused steps, and the number of refused steps for which
+    `sepv.schemes.continued` finds a solution.
     """
     problem = problems.lotka_volterra()
     assert problem.nambu is not None
@@ -97,7 +108,9 @@ def casimir_loss(h: float, steps: int, paths: int, seed: int, engine: str) -> di
 
 
 def _solvable(sample: Ensemble, problem: Problem, h: float, steps: int, seed: int) -> int:
-    """The number of steps that the solver refused, but that it solves if the solution is followed from Δ = 0."""
+    """The number of steps that the solver refused, but that it solves if the solution is followed
+    from Δ = 0.
+    """
     count, follow = 0, continued(SCHEME).solve
     assert follow is not None
     for path in np.flatnonzero(sample.failed_step >= 0):
@@ -108,7 +121,8 @@ def _solvable(sample: Ensemble, problem: Problem, h: float, steps: int, seed: in
 
 
 def furthest(problem: str, seed: int, engine: str) -> dict[str, float]:
-    """The largest |p|/√(p0² + 4) (pendulum) or √(H(y)/H(y0)) along paths: 1 is the boundary of Remark 3.5's set.
+    """The largest |p|/√(p0² + 4) (pendulum) or √(H(y)/H(y0)) along paths:
+    1 is the boundary of Remark 3.5's set.
 
     The result has this number for paths of (2.1), and for exact solutions with the same noise.
     """
@@ -130,7 +144,9 @@ def furthest(problem: str, seed: int, engine: str) -> dict[str, float]:
 
 
 def failing(problem: str, truncated: bool, samples: int, seed: int, engine: str) -> list[float]:
-    """The fraction of samples with a step that is not solved up to T = 1, with or without truncation of the noise."""
+    """The fraction of samples with a step that is not solved up to T = 1,
+    with or without truncation of the noise.
+    """
     system, k, shares = problems.by_name(problem), 2 if truncated else None, []
     fine = wiener.increments(seed, T=CLIP_T, steps=CLIP_STEPS[-1], noises=system.noises, paths=range(samples))
     for count, raw in coarsened(fine, CLIP_STEPS):
@@ -140,7 +156,9 @@ def failing(problem: str, truncated: bool, samples: int, seed: int, engine: str)
 
 
 def jobs(size: Size) -> list[Job]:
-    """The jobs: order if H is unbounded, Casimir of Lotka-Volterra, failed steps with and without truncation."""
+    """The jobs: order if H is unbounded, Casimir of Lotka-Volterra,
+    failed steps with and without truncation.
+    """
     samples, sublinear = size.samples(SAMPLES), {"samples": size.samples(SAMPLES), "seed": size.seed}
     lost = {
         h: {"h": h, "steps": size.steps(round(LOST / h)), "paths": LOST_PATHS, **size.given} for h in LOST_H

@@ -1,7 +1,8 @@
-"""The computations behind the plots: a long path of a scheme, its invariants, and errors against the exact flow.
+"""The computations behind the plots: a long path of a scheme, its invariants,
+and errors against the exact flow.
 
-Each computation is a plain function of names and numbers, so that it can run in any process. Each calls the
-scheme's own step; no formula of a scheme is repeated.
+Each computation is a plain function of names and numbers, so that it can run in any process. Each
+calls the scheme's own step; no formula of a scheme is repeated.
 """
 
 from __future__ import annotations
@@ -37,11 +38,12 @@ POINTS = 1000
 class Run:
     """Samples of one scheme on one time interval; figures show the first sample.
 
-    t, y : times (K,) and states (d, K) of the first sample, thinned to about POINTS steps, with its end
-    energy, casimir : (N+1,), H and the first quadratic Casimir yᵀAy along the first sample; empty without a Casimir
-    theta : (K,), the exact solution's time t + Σ c_j W_j(t) at `t`
-    checkpoints, energies : numbers of steps (L,) (powers of two, and N), and H of all samples at these steps (L, M)
-    stopped : the step at which the first sample failed or left the domain, −1 if it did not
+    t, y : times (K,) and states (d, K) of the first sample, thinned to about POINTS steps, with its
+    end energy, casimir : (N+1,), H and the first quadratic Casimir yᵀAy along the first sample;
+    empty without a Casimir theta : (K,), the exact solution's time t + Σ c_j W_j(t) at `t`
+    checkpoints, energies : numbers of steps (L,) (powers of two, and N), and H of all samples at
+    these steps (L, M) stopped : the step at which the first sample failed or left the domain, −1 if
+    it did not
     """
 
     scheme: str
@@ -62,18 +64,21 @@ class Run:
         return int(self.checkpoints[-1])
 
 
-# Seconds of one implicit step in NumPy, and of one explicit step, from which the time left is estimated.
+# Seconds of one implicit step in NumPy, and of one explicit step, from which the time left is
+# estimated.
 COST = {"energy-preserving": 500e-6, "midpoint": 600e-6, "discrete-gradient": 2000e-6}
 EXPLICIT = 110e-6
 
 
 @dataclass(frozen=True)
 class LongRuns:
-    """The long runs of a figure, in which each scheme named in `shown` follows the same Wiener path.
+    """The long runs of a figure, in which each scheme named in `shown` follows the same Wiener
+    path.
 
     If `shared` is true, a quick reproduction takes only a fraction of the steps.
 
-    samples, others : the number of samples for the schemes in this mapping, and for all other schemes
+    samples, others : the number of samples for the schemes in this mapping, and for all other
+    schemes
     """
 
     figure: str
@@ -103,10 +108,12 @@ class LongRuns:
 def long_run(
     scheme: str, problem: str, *, h: float, steps: int, seed: int, samples: int = 1, engine: str = "auto"
 ) -> Run:
-    """Run one scheme over a long time: `samples` paths from the problem's initial state in steps of h.
+    """Run one scheme over a long time: `samples` paths from the problem's initial state in steps
+    of h.
 
-    Sample 0 has the same Wiener path for all schemes. A sample that fails, or leaves the domain, keeps its last
-    state and is not stepped further. If this happens to sample 0, its curve ends at this step.
+    Sample 0 has the same Wiener path for all schemes. A sample that fails, or leaves the domain,
+    keeps its last state and is not stepped further. If this happens to sample 0, its curve ends at
+    this step.
     """
     method, system = schemes.by_name(scheme), problems.by_name(problem)
     checkpoints = np.array([*(2**i for i in range(steps.bit_length()) if 2**i < steps), steps])
@@ -129,7 +136,9 @@ def long_run(
 def _follow(
     method: Scheme, system: Problem, h: float, raw: Array, checkpoints: np.ndarray, engine: str
 ) -> tuple[Array, Array, int]:
-    """Take all steps; return the first sample (d, N+1) and its failed step, and H of all samples at `checkpoints`."""
+    """Take all steps; return the first sample (d, N+1) and its failed step,
+    and H of all samples at `checkpoints`.
+    """
     steps, _, samples = raw.shape
     target, _ = choose(engine, method, system, compensated=False)
     start = np.array(system.initial, dtype=np.float64)
@@ -147,7 +156,9 @@ def errors(
     scheme: str | Scheme, problem: str | Problem, *, T: float, steps: Sequence[int], samples: int, seed: int,
     engine: str = "auto",
 ) -> StrongErrors:  # fmt: skip
-    """The errors at T against the exact flow, for paths 0 to `samples` − 1; all step sizes share their Wiener paths."""
+    """The errors at T against the exact flow, for paths 0 to `samples` − 1;
+    all step sizes share their Wiener paths.
+    """
     method = schemes.by_name(scheme) if isinstance(scheme, str) else scheme
     system = problems.by_name(problem) if isinstance(problem, str) else problem
     fine = wiener.increments(seed, T=T, steps=steps[-1], noises=system.noises, paths=range(samples))
@@ -164,7 +175,9 @@ def errors(
 
 
 def truncated(problem: str, *, T: float, steps: Sequence[int], samples: int, seed: int) -> list[int]:
-    """The number of increments that Remark 2.1's truncation with k = 2 changes, for each number of steps."""
+    """The number of increments that Remark 2.1's truncation with k = 2 changes,
+    for each number of steps.
+    """
     noises = problems.by_name(problem).noises
     fine = wiener.increments(seed, T=T, steps=steps[-1], noises=noises, paths=range(samples))
     return [int(np.sum(bounded.truncate(raw, T / n) != raw)) for n, raw in coarsened(fine, steps)]
@@ -173,30 +186,36 @@ def truncated(problem: str, *, T: float, steps: Sequence[int], samples: int, see
 def coarsened(fine: Array, steps: Sequence[int]) -> Iterator[tuple[int, Array]]:
     """For each number N of steps, the pair of N and the increments (N, m, M) over these steps.
 
-    The increments are sums of the increments `fine` over the finest grid, which has steps[-1] steps.
+    The increments are sums of the increments `fine` over the finest grid, which has steps[-1]
+    steps.
     """
     return ((count, wiener.coarsen(fine, steps[-1] // count)) for count in steps)
 
 
 def rounding_bound(steps: int) -> float:
-    """A bound on the relative change of an invariant, in `steps` steps, of a scheme that keeps it except for rounding.
+    """A bound on the relative change of an invariant, in `steps` steps,
+    of a scheme that keeps it except for rounding.
 
-    The invariant is quadratic: rounding moves it by at most 2 eps of its value in a step. For H see `rounding_walk`.
+    The invariant is quadratic: rounding moves it by at most 2 eps of its value in a step. For H see
+    `rounding_walk`.
     """
     return 8 * EPS * float(np.sqrt(steps))
 
 
 def curve(run: Run, values: Array) -> Series:
-    """The curve of an invariant along the first sample of a run, thinned to about 600 steps; the last step is kept."""
+    """The curve of an invariant along the first sample of a run, thinned to about 600 steps;
+    the last step is kept.
+    """
     kept = np.unique(np.append(np.arange(0, values.size, max(1, values.size // 600)), values.size - 1))
     return series(run.scheme, kept * run.h, values[kept], scheme=run.scheme)
 
 
 def bound(run: Run, what: str, *, constant: bool = True) -> float:
-    """A bound on the change of the invariant `what` by rounding along a run, relative to its value at the start.
+    """A bound on the change of the invariant `what` by rounding along a run,
+    relative to its value at the start.
 
-    Rounding moves y_i by eps |y_i|, hence H by eps Σ|∂_iH y_i|. If `constant` (the paper says that H is kept), the
-    largest sum along the path is taken, else the sum at the start.
+    Rounding moves y_i by eps |y_i|, hence H by eps Σ|∂_iH y_i|. If `constant` (the paper says that
+    H is kept), the largest sum along the path is taken, else the sum at the start.
     """
     system = problems.by_name(run.problem)
     if what == "Casimir":
@@ -206,7 +225,9 @@ def bound(run: Run, what: str, *, constant: bool = True) -> float:
 
 
 def drift(values: Array) -> float:
-    """The largest change of an invariant's `values` from the first value, relative to the first value."""
+    """The largest change of an invariant's `values` from the first value,
+    relative to the first value.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         return float(np.nanmax(np.abs(values - values[0])) / abs(values[0]))
 
@@ -214,7 +235,8 @@ def drift(values: Array) -> float:
 def statements(
     by_scheme: Mapping[str, Run], what: str, keep: Collection[str], place: str, **places: str
 ) -> list[Statement]:
-    """The statements of all runs on the invariant `what`: the schemes in `keep` keep it, the others do not.
+    """The statements of all runs on the invariant `what`: the schemes in `keep` keep it,
+    the others do not.
 
     `place` is where the paper says this; `places` has other places in the paper for single schemes.
     """
@@ -225,7 +247,8 @@ def statements(
 
 
 def statement(run: Run, what: str, *, constant: bool, source: str) -> Statement:
-    """The paper's statement that a scheme keeps the invariant `what`, or, if `constant` is false, does not keep it.
+    """The paper's statement that a scheme keeps the invariant `what`, or, if `constant` is false,
+    does not keep it.
 
     `what` is "energy" or "Casimir".
     """

@@ -1,10 +1,11 @@
 """Collocation with s stages for several structures G_j: mean-square order s if all fields commute.
 
-With the increments of a step fixed, dy = B∇H dt + Σ c_j G_j∇H ∘dW_j becomes y′ = P(y)∇H, P = h B + Σ c_jΔW_j G_j,
-over one unit of time. If all fields commute, the flow of y′ = P(y)∇H is the exact step. The s-stage method of Cohen and
-Hairer (2011) for this equation has a local error of order 2s + 1 in √h, so that the mean-square order is s. The method
-keeps H, because P is skew, and quadratic Casimirs common to all structures. If the fields do not commute, the order is
-that of `sepv.schemes.several_structures`.
+With the increments of a step fixed, dy = B∇H dt + Σ c_j G_j∇H ∘dW_j becomes y′ = P(y)∇H, P = h
+B + Σ c_jΔW_j G_j, over one unit of time. If all fields commute, the flow of y′ = P(y)∇H is the
+exact step. The s-stage method of Cohen and Hairer (2011) for this equation has a local error of
+order 2s + 1 in √h, so that the mean-square order is s. The method keeps H, because P is skew,
+and quadratic Casimirs common to all structures. If the fields do not commute, the order is that
+of `sepv.schemes.several_structures`.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from sepv.schemes import as_lanes, collocation
 
 
 def step_with_stages(problem: Problem, stages: int, y: Array, h: float, dW: Array) -> Array:
-    """The state y1 after one step with s = 1 … 6 stages, for y (d,) or (d, M) and dW (m,) or (m, M).
+    """The state y1 after one step with s = 1 … 6 stages, for y (d,) or (d, M) and dW (m,)
+    or (m, M).
 
     Paths are solved in turn, because the increments of each path give it its own matrix P.
 
@@ -34,7 +36,8 @@ def step_with_stages(problem: Problem, stages: int, y: Array, h: float, dW: Arra
 
 
 def problem_of_step(problem: Problem, parts: Array) -> Problem:
-    """The problem y′ = P(y)∇H without noise, P = h B + Σ c_jΔW_j G_j, for `parts` = (h, c_1ΔW_1, …).
+    """The problem y′ = P(y)∇H without noise, P = h B + Σ c_jΔW_j G_j,
+    for `parts` = (h, c_1ΔW_1, …).
 
     A method's step with noise is the method's step over one unit of time on this problem.
     """

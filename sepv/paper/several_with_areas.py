@@ -1,17 +1,20 @@
-"""A scheme for several structures G_j with Lévy areas: mean-square order 1 even if the noises do not commute.
+"""A scheme for several structures G_j with Lévy areas:
+mean-square order 1 even if the noises do not commute.
 
 y1 = y0 + [h B(ȳ) + Σ_j c_j ΔW_j G_j(ȳ) + Σ_{i<j} c_i c_j A_ij K_ij(ȳ)] ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ
 
-with the Lévy areas A_ij = ½∫(W_i dW_j − W_j dW_i) over the step. A scheme without areas lacks the term Σ_{i<j} A_ij
-(f_j′f_i − f_i′f_j), f_j = c_j G_j∇H, which is of the order of h in the Stratonovich expansion of the solution (P.
-Kloeden and E. Platen, Numerical Solution of Stochastic Differential Equations, 1992, §5.2). With g = ∇H and g′ = H″,
+with the Lévy areas A_ij = ½∫(W_i dW_j − W_j dW_i) over the step. A scheme without areas lacks the
+term Σ_{i<j} A_ij (f_j′f_i − f_i′f_j), f_j = c_j G_j∇H, which is of the order of h in the
+Stratonovich expansion of the solution (P. Kloeden and E. Platen, Numerical Solution of Stochastic
+Differential Equations, 1992, §5.2). With g = ∇H and g′ = H″,
 
     f_j′f_i − f_i′f_j = c_i c_j K_ij g,   K_ij = G_j′(G_ig) − G_i′(G_jg) + G_jH″G_i − G_iH″G_j,
 
-and K_ij is skew because H″ is symmetric. So H is kept as in Proposition 3.1, for all B, G_j, increments and areas.
+and K_ij is skew because H″ is symmetric. So H is kept as in Proposition 3.1, for all B, G_j,
+increments and areas.
 
-`step_with_areas(problem, y, h, dW, areas)` takes y (d,) or (d, M), dW (m,) or (m, M) and the areas A_ij of the same
-increments, (m, m) or (m, m, M). This module does not draw the areas.
+`step_with_areas(problem, y, h, dW, areas)` takes y (d,) or (d, M), dW (m,) or (m, M) and the areas
+A_ij of the same increments, (m, m) or (m, m, M). This module does not draw the areas.
 """
 
 from __future__ import annotations
@@ -37,7 +40,9 @@ from sepv.schemes import Implicit, noise_and_areas
 
 
 def commutator(problem: StructuresProblem, i: int, j: int, y: Array, mean: Array) -> Array:
-    """The skew matrix K_ij, (d, d, M), by the formula of the module's docstring with ∇H = `mean` at states y."""
+    """The skew matrix K_ij, (d, d, M), by the formula of the module's docstring with ∇H = `mean` at
+    states y.
+    """
     Gi, Gj = (problem.noise_structures[n](y) for n in (i, j))
     assert problem.noise_structure_derivatives is not None
     Di, Dj = (problem.noise_structure_derivatives[n](y) for n in (i, j))
@@ -49,7 +54,9 @@ def commutator(problem: StructuresProblem, i: int, j: int, y: Array, mean: Array
 
 
 def require_derivatives(problem: Problem) -> None:
-    """Raise a UsageError unless the problem has structures G_j for the noises, with their derivatives."""
+    """Raise a UsageError unless the problem has structures G_j for the noises,
+    with their derivatives.
+    """
     if not isinstance(problem, StructuresProblem) or not problem.noise_structure_derivatives:
         raise UsageError(
             expected="a problem with several structures that gives their derivatives",
@@ -59,7 +66,8 @@ def require_derivatives(problem: Problem) -> None:
 
 
 def increment(problem: Problem, y0: Array, y1: Array, known: Array) -> Increment:
-    """The increment R = y1 − y0 of the step; `known` (k, M) holds h, all c_j ΔW_j, and all c_i c_j A_ij with i < j.
+    """The increment R = y1 − y0 of the step; `known` (k, M) holds h, all c_j ΔW_j,
+    and all c_i c_j A_ij with i < j.
 
     An evaluation of B with all G_j is counted as one.
     """

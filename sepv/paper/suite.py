@@ -1,4 +1,6 @@
-"""Compute all figures of the paper: run their jobs in processes, and collect the results in one object."""
+"""Compute all figures of the paper: run their jobs in processes,
+and collect the results in one object.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,9 @@ ShareProgress = Callable[[float, float], None]
 
 @dataclass(frozen=True)
 class Reproduction:
-    """The result of a reproduction: panels, statements, and the seconds by the clock and of processor time."""
+    """The result of a reproduction: panels, statements,
+    and the seconds by the clock and of processor time.
+    """
 
     panels: tuple[Panel, ...]
     text: tuple[Statement, ...]
@@ -55,11 +59,15 @@ class Reproduction:
 
     @property
     def statements(self) -> tuple[Statement, ...]:
-        """The statements about the panels, and then those about formulas and arguments in the text."""
+        """The statements about the panels, and then those about formulas and arguments in the
+        text.
+        """
         return (*(s for p in self.panels for s in p.statements), *self.text)
 
     def to_json(self) -> dict[str, Any]:
-        """The reproduction as JSON, in the form that sepv/schemas/reproduction.schema.json describes."""
+        """The reproduction as JSON, in the form that sepv/schemas/reproduction.schema.json
+        describes.
+        """
         import numpy
         import scipy
 
@@ -95,7 +103,8 @@ def reproduce(
     ----------
     figures : names such as "4.3", "theory" or "text"; all of them by default.
     workers : int, executor, map-like callable, Dask client or its address
-        The number of processes, or any `workers` of `sepv.ensemble`. The results do not depend on the workers.
+        The number of processes, or any `workers` of `sepv.ensemble`. The results do not depend on
+        the workers.
 
     Raises
     ------
@@ -136,7 +145,9 @@ def _panels(section: Any, results: Results, wanted: tuple[str, ...]) -> list[Pan
 
 
 def _run(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
-    """Compute all jobs; return results by the jobs' keys. Long jobs start first, so that none runs alone at the end."""
+    """Compute all jobs; return results by the jobs' keys. Long jobs start first,
+    so that none runs alone at the end.
+    """
     jobs = sorted(jobs, key=lambda j: -j.seconds)
     done, total = 0.0, sum(j.seconds for j in jobs)
     results: Results = {("seconds",): {}}
@@ -149,7 +160,8 @@ def _run(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
         progress(done, total)
 
     progress(done, total)
-    # On a cluster a job's progress cannot be seen; in processes of this machine it can be estimated.
+    # On a cluster a job's progress cannot be seen; in processes of this machine it can be
+    # estimated.
     if not isinstance(workers, int) or workers == 1 or len(jobs) < 2:
         run_all(_timed, jobs, workers, threads=False, receive=take)
         return results

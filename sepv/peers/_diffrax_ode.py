@@ -1,4 +1,6 @@
-"""diffrax's solvers of ordinary differential equations, one step at a time, for mechanical systems."""
+"""diffrax's solvers of ordinary differential equations, one step at a time, for mechanical
+systems.
+"""
 
 from __future__ import annotations
 

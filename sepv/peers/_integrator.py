@@ -1,7 +1,9 @@
-"""The scheme of another library's integrator for mechanical problems, H = ½pᵀM⁻¹p + V(q) (`sepv.problem.mechanics`).
+"""The scheme of another library's integrator for mechanical problems, H = ½pᵀM⁻¹p + V(q)
+(`sepv.problem.mechanics`).
 
-Libraries of particles have one mass for each particle, and a particle moves in space: coordinate i of a problem
-with a diagonal M is particle i at (q_i, 0, 0), with the mass M_ii and the force (F_i(q), 0, 0).
+Libraries of particles have one mass for each particle, and a particle moves in space: coordinate i
+of a problem with a diagonal M is particle i at (q_i, 0, 0), with the mass M_ii and the force
+(F_i(q), 0, 0).
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ Advance = Callable[[Mechanics, Array, Array, float], tuple[Any, Any]]
 def integrator(
     name: str, advance: Advance, *, order: float | None = None, source: str, **facts: Any
 ) -> Scheme:
-    """The `sepv.Scheme` of a mechanical integrator, whose function `advance` takes one step of length h from (q, p).
+    """The `sepv.Scheme` of a mechanical integrator, whose function `advance` takes one step of
+    length h from (q, p).
 
     `facts` are further fields of the scheme.
     """

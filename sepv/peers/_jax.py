@@ -1,8 +1,10 @@
-"""Steps of libraries that use JAX, for mechanical problems H = ½pᵀM⁻¹p + V(q): compiled, in float64, V written in JAX.
+"""Steps of libraries that use JAX, for mechanical problems H = ½pᵀM⁻¹p + V(q): compiled,
+in float64, V written in JAX.
 
-A polynomial problem is data to the compiled step, so that a new random problem compiles nothing. It is padded with
-coordinates q = p = 0 of mass 1 that stay at rest, because V does not depend on them. JAX's own context manager turns
-float64 on around each call, for one thread; importing this module changes nothing in JAX.
+A polynomial problem is data to the compiled step, so that a new random problem compiles nothing. It
+is padded with coordinates q = p = 0 of mass 1 that stay at rest, because V does not depend on them.
+JAX's own context manager turns float64 on around each call, for one thread; importing this module
+changes nothing in JAX.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ Step = Callable[..., tuple[Any, Any]]
 
 
 def advance_by(step: Step) -> Advance:
-    """Convert a step written in JAX to the function `advance` that `_integrator.integrator` takes."""
+    """Convert a step written in JAX to the function `advance` that `_integrator.integrator`
+    takes.
+    """
 
     def advance(system: Mechanics, q: Array, p: Array, h: float) -> tuple[Array, Array]:
         n, (formulas, numbers, inverse_mass) = len(q), _posed(system)
@@ -57,7 +61,9 @@ def _compiled(step: Step, formulas: Formulas, positions_first: bool, numbers: An
 
 @lru_cache(maxsize=8)
 def _posed(system: Mechanics) -> tuple[Formulas, Any, Array]:
-    """The potential V(q) = H(q, 0) of a mechanical system as formulas and numbers, and the inverse mass matrix M⁻¹."""
+    """The potential V(q) = H(q, 0) of a mechanical system as formulas and numbers,
+    and the inverse mass matrix M⁻¹.
+    """
     formulas, numbers = pose(system.problem)
     n, inverse_mass = system.degrees, system.inverse_mass
     if formulas.kind == "polynomial":

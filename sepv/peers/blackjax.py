@@ -41,7 +41,8 @@ velocity_verlet = _scheme("velocity_verlet", 2)
 mclachlan = _scheme("mclachlan", 2)
 yoshida = _scheme("yoshida", 2)
 omelyan = _scheme("omelyan", 4)
-# The implicit solver stops at max|x − f(x)| ≤ convergence_tol, by default 1e-6, or after 100 iterations.
+# The implicit solver stops at max|x − f(x)| ≤ convergence_tol, by default 1e-6, or after 100
+# iterations.
 implicit_midpoint = _scheme("implicit_midpoint", 2)
 implicit_midpoint_to_rounding = _scheme("implicit_midpoint", 2, ", convergence_tol=0", convergence_tol=0.0)
 

@@ -1,18 +1,22 @@
-"""diffrax's Stratonovich solvers for general noise, one step at a time and over whole paths. Needs the extra ``peers``.
+"""diffrax's Stratonovich solvers for general noise, one step at a time and over whole paths.
+Needs the extra ``peers``.
 
-A step is the solver's own `init` and `step`, compiled by JAX, on a driving path with the given increment. Polynomial
-problems are data to the compiled code, so that a new random problem compiles nothing.
+A step is the solver's own `init` and `step`, compiled by JAX, on a driving path with the given
+increment. Polynomial problems are data to the compiled code, so that a new random problem compiles
+nothing.
 
-JAX computes in float64 only where its switch is on. JAX's own context manager turns it on around each call, for one
-thread; importing this module changes nothing in JAX.
+JAX computes in float64 only where its switch is on. JAX's own context manager turns it on around
+each call, for one thread; importing this module changes nothing in JAX.
 
-ShARK, SRA1 and SEA need additive noise, and the noise of (1.1) is not additive. ALIGN, ShOULD and QUICSORT are for
-Langevin dynamics. Older releases have fewer solvers: a missing one is None here, and its name is in `PEER.absent`.
+ShARK, SRA1 and SEA need additive noise, and the noise of (1.1) is not additive. ALIGN, ShOULD and
+QUICSORT are for Langevin dynamics. Older releases have fewer solvers: a missing one is None here,
+and its name is in `PEER.absent`.
 
-In a comparison all paths are one state (d, M) and one compiled loop over given increments. All noises drive one field,
-so that most solvers can be given dy = f(y)∘dθ with θ = t + Σ c_j W_j, which halves the evaluations of f. The other
-solvers get a drift term and a noise term. Methods with "vmap" in their names follow diffrax's examples: each path is
-solved alone with a drift term and a noise term, and jax.vmap joins the paths.
+In a comparison all paths are one state (d, M) and one compiled loop over given increments. All
+noises drive one field, so that most solvers can be given dy = f(y)∘dθ with θ = t + Σ c_j W_j, which
+halves the evaluations of f. The other solvers get a drift term and a noise term. Methods with
+"vmap" in their names follow diffrax's examples: each path is solved alone with a drift term and a
+noise term, and jax.vmap joins the paths.
 """
 
 from __future__ import annotations
@@ -56,10 +60,11 @@ class _Given(diffrax.AbstractPath):
 
 
 def _space_time_area(h: Any, dW: Any) -> Any:
-    """The space-time Lévy area H ~ N(0, h/12) of a step, independent of dW, drawn with the bits of dW as the seed.
+    """The space-time Lévy area H ~ N(0, h/12) of a step, independent of dW,
+    drawn with the bits of dW as the seed.
 
-    Stochastic Runge-Kutta methods need it beside dW. A step must be a function of its arguments. Therefore equal
-    increments get equal areas.
+    Stochastic Runge-Kutta methods need it beside dW. A step must be a function of its arguments.
+    Therefore equal increments get equal areas.
     """
     key = jax.random.key(0)
     for word in jax.lax.bitcast_convert_type(dW, jnp.uint32).reshape(-1):
@@ -68,7 +73,9 @@ def _space_time_area(h: Any, dW: Any) -> Any:
 
 
 def _terms(formulas: Formulas, arrays: Any, c: Any, control: _Given) -> Any:
-    """The right side of a step in diffrax's form: the drift f = B∇H, and noise fields c_j f as columns (d, m)."""
+    """The right side of a step in diffrax's form: the drift f = B∇H,
+    and noise fields c_j f as columns (d, m).
+    """
 
     def drift(_t: Any, y: Any, _args: Any) -> Any:
         return formulas.field(jnp, arrays, y)
@@ -82,7 +89,9 @@ def _terms(formulas: Formulas, arrays: Any, c: Any, control: _Given) -> Any:
 def _one_step(
     solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any, state: Any
 ) -> Any:
-    """One step of a solver: y_next and the solver's state after it. If `state` is None, the solver starts anew."""
+    """One step of a solver: y_next and the solver's state after it. If `state` is None,
+    the solver starts anew.
+    """
     levy = isinstance(solver, getattr(diffrax, "AbstractSRK", ()))
     terms = _terms(formulas, arrays, c, _Given(dW, _space_time_area(h, dW) if levy else dW))
     t0 = jnp.zeros_like(h)
@@ -106,7 +115,9 @@ def _steps(solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any,
 def _paths(
     solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any, keep: bool = True
 ) -> Any:
-    """L whole paths, in which the solver keeps its state: y (d, L), dW (N, m, L) -> (N, d, L), or the last states."""
+    """L whole paths, in which the solver keeps its state: y (d, L), dW (N, m, L) -> (N, d, L),
+    or the last states.
+    """
 
     def lane(y: Any, dW: Any) -> Any:
         def advance(carry: Any, dW: Any) -> Any:
@@ -133,7 +144,9 @@ def _wide(rows: Array, count: int) -> Array:
 def _call(
     program: Any, solver: Any, problem: Problem, y: Array, h: float, dW: Array, *state: Any
 ) -> tuple[Any, Any]:
-    """Run a compiled `program` in float64 on y (d, L), dW (m, L) or (d,), (m,); return y_next and solver state."""
+    """Run a compiled `program` in float64 on y (d, L), dW (m, L) or (d,), (m,);
+    return y_next and solver state.
+    """
     formulas, numbers = pose(problem, wide=True)
     d, m = problem.dimension, problem.noises
     if formulas.kind == "polynomial":
@@ -154,7 +167,9 @@ def _step_by(solver: Any) -> Callable[[Problem, Array, float, Array], Array]:
 
 
 def _stateful(solver: Any) -> StatefulStep:
-    """The step, on one path at a time, of a solver with a state of its own, which is kept from step to step."""
+    """The step, on one path at a time, of a solver with a state of its own,
+    which is kept from step to step.
+    """
 
     def step(problem: Problem, state: tuple[Array, Any], h: float, dW: Array) -> tuple[Array, Any]:
         return _call(_next, solver, problem, state[0], h, dW, state[1])
@@ -166,7 +181,9 @@ _absent: list[str] = []
 
 
 def _scheme(name: str, order: float, weak: float = 1.0, batched: bool = True) -> Any:
-    """The diffrax solver called `name` as a `Scheme` of strong order `order`; None if this release does not have it."""
+    """The diffrax solver called `name` as a `Scheme` of strong order `order`;
+    None if this release does not have it.
+    """
     make = getattr(diffrax, name, None)
     if make is None:
         _absent.append(name)
@@ -191,7 +208,9 @@ reversible_heun = _scheme("ReversibleHeun", 1.0, batched=False)
 
 
 class _Field(diffrax.AbstractTerm):
-    """The field f(y) for a batch (d, M), to be multiplied by an increment of time or of a Wiener process, (M,)."""
+    """The field f(y) for a batch (d, M), to be multiplied by an increment of time or of a Wiener
+    process, (M,).
+    """
 
     vector: Any
     increment: Any
@@ -209,7 +228,9 @@ class _Field(diffrax.AbstractTerm):
 
 
 class _Noise(_Field):
-    """A noise term for the field f: it gives the Wiener increment (M,), and its space-time Lévy area if asked."""
+    """A noise term for the field f: it gives the Wiener increment (M,),
+    and its space-time Lévy area if asked.
+    """
 
     area: Any
 
@@ -220,7 +241,9 @@ class _Noise(_Field):
 
 
 def _batched(solver: Any, terms: Any, h: Any, y: Any, more: Any, keep: bool) -> Any:
-    """Loop over the steps of a path; `terms` makes the right side of one step from its slice of `more`."""
+    """Loop over the steps of a path; `terms` makes the right side of one step from its slice of
+    `more`.
+    """
     t0 = jnp.zeros_like(h)
     state = solver.init(terms(jax.tree.map(lambda a: a[0], more)), t0, h, y, None)
 
@@ -238,7 +261,9 @@ def _batched(solver: Any, terms: Any, h: Any, y: Any, more: Any, keep: bool) -> 
 def _on_the_clock(
     solver: Any, formulas: Formulas, keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, _H: Any
 ) -> Any:
-    """Paths of dy = f(y)∘dθ in the random time θ = t + Σ c_j W_j, by a solver of ordinary differential equations."""
+    """Paths of dy = f(y)∘dθ in the random time θ = t + Σ c_j W_j,
+    by a solver of ordinary differential equations.
+    """
 
     def vector(y: Any) -> Any:
         return formulas.field(jnp, arrays, y)
@@ -252,7 +277,9 @@ def _on_the_clock(
 def _apart(
     solver: Any, formulas: Formulas, keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, H: Any
 ) -> Any:
-    """Paths with a drift term and a noise term, in one batch; the one noise is Σ c_j W_j, which drives f."""
+    """Paths with a drift term and a noise term, in one batch; the one noise is Σ c_j W_j,
+    which drives f.
+    """
 
     def vector(y: Any) -> Any:
         return formulas.field(jnp, arrays, y)
@@ -268,7 +295,9 @@ def _apart(
 
 
 def _vmapped(solver: Any, formulas: Formulas, keep: bool, *given: Any) -> Any:
-    """Paths with a drift term and a noise term, each solved alone and joined by jax.vmap, as in diffrax's examples."""
+    """Paths with a drift term and a noise term, each solved alone and joined by jax.vmap,
+    as in diffrax's examples.
+    """
     return _paths(solver, formulas, *given[:-1], keep=keep)
 
 
@@ -296,7 +325,8 @@ def _method(name: str, solver: Any, program: Any, evaluations: float | None, how
 _CLOCK = "all paths in one state, dy = f∘dθ"
 _APART = "all paths in one state, drift and noise apart"
 _VMAP = "path by path under vmap, drift and noise apart"
-# Rows: a solver, the program that drives it, and its evaluations of f per step if the method determines them.
+# Rows: a solver, the program that drives it, and its evaluations of f per step if the method
+# determines them.
 _DRIVEN = {
     "heun": ("Heun", _on_the_clock, 2, _CLOCK),
     "tsit5": ("Tsit5", _on_the_clock, 6, _CLOCK),

@@ -1,4 +1,6 @@
-"""mici's integrators of Hamiltonian systems with a constant mass matrix. Needs the extra ``samplers``."""
+"""mici's integrators of Hamiltonian systems with a constant mass matrix.
+Needs the extra ``samplers``.
+"""
 
 from __future__ import annotations
 

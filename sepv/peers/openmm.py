@@ -1,7 +1,9 @@
-"""OpenMM's Verlet integrator on its Reference platform, which computes in binary64. Needs the extra ``simulators``.
+"""OpenMM's Verlet integrator on its Reference platform, which computes in binary64.
+Needs the extra ``simulators``.
 
-OpenMM keeps the velocity half a step before the position (leapfrog). So a step here first sets the velocity to
-v − (h/2)M⁻¹F(q), and at the end moves it on by half a step, as OpenMM does for its kinetic energies.
+OpenMM keeps the velocity half a step before the position (leapfrog). So a step here first sets the
+velocity to v − (h/2)M⁻¹F(q), and at the end moves it on by half a step, as OpenMM does for its
+kinetic energies.
 """
 
 from __future__ import annotations

@@ -1,13 +1,14 @@
-"""The class `Peer`, which describes another library's solvers for sepv, and how its objects are found.
+"""The class `Peer`, which describes another library's solvers for sepv,
+and how its objects are found.
 
-A peer is one file with one `Peer`, called `PEER`. sepv's own peers are the modules of this folder. Another package
-offers one by an entry point of the group ``sepv.peers``, under the library's name:
+A peer is one file with one `Peer`, called `PEER`. sepv's own peers are the modules of this folder.
+Another package offers one by an entry point of the group ``sepv.peers``, under the library's name:
 
     [project.entry-points."sepv.peers"]
     mylibrary = "mypackage.adapter:PEER"
 
-`sepv verify` and `sepv compare` take names such as ``sdeint-strat-heun``: the library's name, a hyphen and
-the solver's name.
+`sepv verify` and `sepv compare` take names such as ``sdeint-strat-heun``: the library's name, a
+hyphen and the solver's name.
 """
 
 from __future__ import annotations
@@ -56,7 +57,9 @@ class Peer:
     integrators: Mapping[str, Scheme] = field(default_factory=dict)
 
     def drivers(self) -> dict[str, Method | None]:
-        """The solvers of whole paths for `sepv compare`: `methods`, with None for each scheme with a `PathSolver`."""
+        """The solvers of whole paths for `sepv compare`: `methods`,
+        with None for each scheme with a `PathSolver`.
+        """
         paths = [name for name, scheme in self.schemes.items() if isinstance(scheme.step, PathSolver)]
         return {**dict.fromkeys(paths), **self.methods}
 
@@ -97,7 +100,9 @@ def load(library: str) -> Peer:
 
 
 def library_of(target: str) -> str:
-    """The library with which a name such as ``sdeint-strat-heun`` begins; "" if the name begins with no library."""
+    """The library with which a name such as ``sdeint-strat-heun`` begins;
+    "" if the name begins with no library.
+    """
     return next((name for name in names() if target.startswith(f"{name}-")), "")
 
 
@@ -112,7 +117,8 @@ def scheme(target: str) -> Scheme:
 
 
 def method(target: str) -> Method | None:
-    """The solver `target` of whole paths for `sepv compare`; None if it is run as a scheme, like an integrator.
+    """The solver `target` of whole paths for `sepv compare`; None if it is run as a scheme,
+    like an integrator.
 
     Raises TargetError as `scheme`.
     """

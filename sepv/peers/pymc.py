@@ -1,6 +1,8 @@
-"""PyMC's leapfrog, which its samplers call with a compiled log density. Needs the extra ``samplers``.
+"""PyMC's leapfrog, which its samplers call with a compiled log density.
+Needs the extra ``samplers``.
 
-PyMC's leapfrog gets the log density through private attributes, as it gets PyMC's own compiled log densities.
+PyMC's leapfrog gets the log density through private attributes, as it gets PyMC's own compiled log
+densities.
 """
 
 from __future__ import annotations

@@ -1,11 +1,14 @@
-"""REBOUND's integrators: some for the forces of any mechanical problem, others for planets under REBOUND's gravity.
+"""REBOUND's integrators: some for the forces of any mechanical problem,
+others for planets under REBOUND's gravity.
 
-They need the extra ``simulators``. Integrators for planets split the motion into Kepler's motion and the rest. So they
-support only gravity, V = −G Σ m_im_j/|q_i − q_j| in the plane or in space with the heaviest body first, such as
-`sepv.problems.planets`. A step is one of REBOUND's with its default `safe_mode=1`: synchronized at the end.
+They need the extra ``simulators``. Integrators for planets split the motion into Kepler's motion
+and the rest. So they support only gravity, V = −G Σ m_im_j/|q_i − q_j| in the plane or in space
+with the heaviest body first, such as `sepv.problems.planets`. A step is one of REBOUND's with its
+default `safe_mode=1`: synchronized at the end.
 
-JANUS computes with integers of 64 bits, x/scale and v/scale, and its documentation asks for a scale. Here the scale is
-2⁻⁵⁶ times a power of two above the state and its change in a step. This is below the rounding of binary64.
+JANUS computes with integers of 64 bits, x/scale and v/scale, and its documentation asks for a
+scale. Here the scale is 2⁻⁵⁶ times a power of two above the state and its change in a step. This is
+below the rounding of binary64.
 """
 
 from __future__ import annotations
@@ -90,7 +93,9 @@ def _in_space(values: Array, space: int) -> Array:
 
 @lru_cache(maxsize=64)
 def _gravity(system: Mechanics) -> tuple[float, Array, int]:
-    """G, the masses of the bodies, and the dimension 2 or 3. Raises Skipped for a system without Newton's gravity."""
+    """G, the masses of the bodies, and the dimension 2 or 3.
+    Raises Skipped for a system without Newton's gravity.
+    """
     mass, places = masses(system), [system.split(y)[0] for y in sample_states(system.problem)]
     for space in (2, 3):
         bodies = mass[::space]
@@ -152,8 +157,8 @@ PEER = Peer(
         "whfast-barycentric": _planetary("whfast", 2, SYMPLECTIC, _WHFAST, coordinates="barycentric"),
         "whfast-lazy": _planetary("whfast", 2, SYMPLECTIC, _WHFAST, kernel="lazy", corrector=17),
         "saba": _planetary("saba", None, SYMPLECTIC, _SABA),
-        # MERCURIUS and TRACE change between two integrators. EOS does not, and its source was not read.
-        # Nothing is claimed of the three.
+        # MERCURIUS and TRACE change between two integrators. EOS does not, and its source was not
+        # read. Nothing is claimed of the three.
         "mercurius": _planetary("mercurius", None, (), 'MERCURIUS: "a hybrid symplectic integrator".'),
         "trace": _planetary("trace", None, (), 'TRACE: "a hybrid (almost) time-reversible integrator".'),
         "eos": _planetary("eos", None, (), "EOS"),

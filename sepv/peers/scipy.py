@@ -1,4 +1,6 @@
-"""SciPy's ODE solvers over one step, at their default tolerances, for comparison: they preserve no structure."""
+"""SciPy's ODE solvers over one step, at their default tolerances, for comparison:
+they preserve no structure.
+"""
 
 from __future__ import annotations
 

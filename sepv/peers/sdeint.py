@@ -1,6 +1,8 @@
-"""sdeint's integrators, one step at a time and over whole paths through its own code. Needs the extra ``sdeint``.
+"""sdeint's integrators, one step at a time and over whole paths through its own code.
+Needs the extra ``sdeint``.
 
-sdeint solves one path at a time. In a comparison it gets the one process Σ c_j W_j, whose field is f.
+sdeint solves one path at a time. In a comparison it gets the one process Σ c_j W_j, whose field
+is f.
 """
 
 from __future__ import annotations
@@ -22,7 +24,9 @@ from sepv.studies import from_states
 def _integrate(
     integrator: Callable[..., Any], problem: Problem, y: Array, h: float, dW: Array, **more: Any
 ) -> Array:
-    """Return states (N + 1, d) by an integrator of sdeint from y (d,), with increments dW (N, m) and fields c_j f."""
+    """Return states (N + 1, d) by an integrator of sdeint from y (d,), with increments dW (N, m)
+    and fields c_j f.
+    """
 
     def drift(state: Array, _time: float) -> Array:
         return vector_field(problem, state)
@@ -35,7 +39,9 @@ def _integrate(
 
 
 def _step_by(integrator: Callable[..., Any], integrals: bool) -> Step:
-    """Make a step of sdeint's integrator over (0, h); with `integrals`, the integrator gets J_ij = ∫∫∘dW_i∘dW_j."""
+    """Make a step of sdeint's integrator over (0, h); with `integrals`,
+    the integrator gets J_ij = ∫∫∘dW_i∘dW_j.
+    """
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         row = dW.reshape(1, -1)
@@ -46,12 +52,16 @@ def _step_by(integrator: Callable[..., Any], integrals: bool) -> Step:
 
 
 def _repeated_integrals(dW: Array) -> Array:
-    """The integrals J_ij = ½ΔW_iΔW_j, (N, m, m), without Lévy areas, which drop out for one common field f."""
+    """The integrals J_ij = ½ΔW_iΔW_j, (N, m, m), without Lévy areas,
+    which drop out for one common field f.
+    """
     return 0.5 * dW[:, :, None] * dW[:, None, :]
 
 
 def _kp2is_path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
-    """The states (N + 1, d, 1) of one path by sdeint's KP2iS. Raises StepFailure if sdeint reports an unsolved step."""
+    """The states (N + 1, d, 1) of one path by sdeint's KP2iS.
+    Raises StepFailure if sdeint reports an unsolved step.
+    """
     increments = dW[:, :, 0]
     try:
         # scipy warns before sdeint raises.

@@ -1,12 +1,13 @@
-"""torchsde's Stratonovich solvers, one step at a time and in batches of whole paths. Needs the extra ``peers``.
+"""torchsde's Stratonovich solvers, one step at a time and in batches of whole paths.
+Needs the extra ``peers``.
 
-torchsde has no public step. A step here is `torchsde.sdeint` over (0, h) with dt = h and a Brownian motion that returns
-the given increment.
+torchsde has no public step. A step here is `torchsde.sdeint` over (0, h) with dt = h and a Brownian
+motion that returns the given increment.
 
-torchsde's noise type is "scalar" for one noise and "general" for several. Milstein does not support the general type.
-It gets the one Wiener process c·W/|c|, which drives the same equation. Lévy areas are zero here: all noises drive one
-field, so the commutators that areas multiply vanish. In a comparison all paths are one batch of `torchsde.sdeint` over
-the whole interval.
+torchsde's noise type is "scalar" for one noise and "general" for several. Milstein does not support
+the general type. It gets the one Wiener process c·W/|c|, which drives the same equation. Lévy areas
+are zero here: all noises drive one field, so the commutators that areas multiply vanish. In a
+comparison all paths are one batch of `torchsde.sdeint` over the whole interval.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ from sepv.studies import Method, from_states
 
 
 class _System(torch.nn.Module):
-    """The system dy = f dt + Σ_j weights_j f ∘dW_j in torchsde's interface, for L states y (L, d)."""
+    """The system dy = f dt + Σ_j weights_j f ∘dW_j in torchsde's interface, for L states y
+    (L, d).
+    """
 
     sde_type = "stratonovich"
 
@@ -46,7 +49,9 @@ class _System(torch.nn.Module):
 
 
 class Given(torchsde.BaseBrownian):
-    """A Brownian motion with given increments (N, L, m) over N equal steps of length h, and no Lévy area."""
+    """A Brownian motion with given increments (N, L, m) over N equal steps of length h,
+    and no Lévy area.
+    """
 
     levy_area_approximation = "foster"
     dtype, device = torch.float64, torch.device("cpu")
@@ -63,7 +68,9 @@ class Given(torchsde.BaseBrownian):
         return f"given increments of shape {tuple(self.increments.shape)}"
 
     def __call__(self, ta: Any, tb: Any = None, return_U: bool = False, return_A: bool = False) -> Any:
-        """The increment of the step that starts at time ta; if `return_A`, also Lévy areas, which are zero."""
+        """The increment of the step that starts at time ta; if `return_A`, also Lévy areas,
+        which are zero.
+        """
         del tb, return_U
         dW = self.increments[round(float(ta) / self.h)]
         return (dW, dW.new_zeros((*dW.shape, dW.shape[-1]))) if return_A else dW
@@ -72,7 +79,9 @@ class Given(torchsde.BaseBrownian):
 def _solved(
     method: str, options: dict[str, Any], problem: Problem, y: Array, h: float, dW: Array, **more: Any
 ) -> Any:
-    """Call torchsde.sdeint from y (d, L) with increments dW (N, m, L); the result is a tensor (N + 1, L, d)."""
+    """Call torchsde.sdeint from y (d, L) with increments dW (N, m, L);
+    the result is a tensor (N + 1, L, d).
+    """
     weights, noise_type = problem.c, "scalar" if problem.noises == 1 else "general"
     if problem.noises != 1 and method == "milstein":
         size = float(np.linalg.norm(weights))
@@ -104,7 +113,9 @@ def _step_by(method: str, options: dict[str, Any]) -> Callable[[Problem, Array, 
 
 
 def _handed_on(problem: Problem, state: tuple[Array, Any], h: float, dW: Array) -> tuple[Array, Any]:
-    """One step of reversible Heun on one path, from `state`: y (d,), and the solver's state as torchsde returns it."""
+    """One step of reversible Heun on one path, from `state`: y (d,),
+    and the solver's state as torchsde returns it.
+    """
     _positive(h)
     more = {"extra": True, "extra_solver_state": state[1]}
     states, own = _solved("reversible_heun", {}, problem, state[0][:, None], h, dW[None, :, None], **more)

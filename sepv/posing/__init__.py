@@ -1,7 +1,8 @@
-"""B, H, ∇H and f = B∇H of a problem as formulas and numbers, for libraries with their own arrays, such as JAX or torch.
+"""B, H, ∇H and f = B∇H of a problem as formulas and numbers, for libraries with their own arrays,
+such as JAX or torch.
 
-`pose` does it for a system (1.1), `pose_fields` for several Hamiltonians. No array library is imported: a formula gets
-the library itself, such as jax.numpy, as its first argument.
+`pose` does it for a system (1.1), `pose_fields` for several Hamiltonians. No array library is
+imported: a formula gets the library itself, such as jax.numpy, as its first argument.
 """
 
 from __future__ import annotations

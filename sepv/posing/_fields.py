@@ -1,7 +1,9 @@
-"""A system with several Hamiltonians H_j for libraries such as JAX: drift and noise fields in one table of numbers.
+"""A system with several Hamiltonians H_j for libraries such as JAX:
+drift and noise fields in one table of numbers.
 
-The system is dy = F_0 dt + Σ_j F_j ∘dW_j with F_0 = B∇H_0 and F_j = c_j B∇H_j. In Itô's form its drift is
-F_0 + ½ Σ_j F_j′F_j. The products and derivatives of polynomials are computed once for each system.
+The system is dy = F_0 dt + Σ_j F_j ∘dW_j with F_0 = B∇H_0 and F_j = c_j B∇H_j. In Itô's form its
+drift is F_0 + ½ Σ_j F_j′F_j. The products and derivatives of polynomials are computed once for each
+system.
 """
 
 from __future__ import annotations
@@ -20,14 +22,18 @@ from sepv.record import Polynomial, poly
 
 @dataclass(frozen=True)
 class PosedFields:
-    """Drift and noise fields of a system for arrays of any library `xp`; hashable, as a static argument of JAX."""
+    """Drift and noise fields of a system for arrays of any library `xp`; hashable,
+    as a static argument of JAX.
+    """
 
     dimension: int
     noises: int
     powers: int
 
     def drift(self, xp: Any, numbers: Any, y: Any) -> Any:
-        """The drift at y (d, ...), of the same shape: F_0 = B∇H_0, or Itô's drift if `pose_fields` had `ito=True`."""
+        """The drift at y (d, ...), of the same shape: F_0 = B∇H_0,
+        or Itô's drift if `pose_fields` had `ito=True`.
+        """
         return self._rows(xp, numbers, y, 0, 1)[0]
 
     def noise(self, xp: Any, numbers: Any, y: Any) -> Any:
@@ -41,7 +47,8 @@ class PosedFields:
 
 
 def pose_fields(problem: Problem, *, ito: bool = False) -> tuple[PosedFields, tuple[Array, ...]]:
-    """The formulas of a system with several Hamiltonians (polynomials), and its numbers as NumPy arrays.
+    """The formulas of a system with several Hamiltonians (polynomials),
+    and its numbers as NumPy arrays.
 
     >>> import numpy as np
     >>> from sepv import problems

@@ -1,9 +1,11 @@
-"""B, H, ∇H and f = B∇H of a problem as formulas and numbers, for libraries with their own arrays, such as JAX or torch.
+"""B, H, ∇H and f = B∇H of a problem as formulas and numbers, for libraries with their own arrays,
+such as JAX or torch.
 
-A problem's own functions use NumPy. JAX cannot trace them (`TracerArrayConversionError`) or differentiate them. From a
-problem given as data, `pose` makes formulas (hashable) and numbers (arrays). A compiled step takes the formulas as a
-static argument and the numbers as data, so that one program serves all polynomial problems of a size. This module
-imports no library: a formula gets the library's functions as `xp`.
+A problem's own functions use NumPy. JAX cannot trace them (`TracerArrayConversionError`) or
+differentiate them. From a problem given as data, `pose` makes formulas (hashable) and numbers
+(arrays). A compiled step takes the formulas as a static argument and the numbers as data, so that
+one program serves all polynomial problems of a size. This module imports no library: a formula gets
+the library's functions as `xp`.
 """
 
 from __future__ import annotations
@@ -24,7 +26,8 @@ from sepv.schemes import load_problem
 
 __all__ = ["Formulas", "field_in", "in_blocks", "pose"]
 
-# The smallest sizes of tables of polynomials, filled up with zeros, so that few programs serve all problems.
+# The smallest sizes of tables of polynomials, filled up with zeros, so that few programs serve all
+# problems.
 LEAST_POWER, LEAST_TERMS, LEAST_VARIABLES = 8, 64, 6
 # Each size of a table is this many times the one before.
 TERMS_GROW = 4
@@ -36,9 +39,11 @@ Path = Callable[[Problem, Array, float, Array], Array]
 
 @dataclass(frozen=True)
 class Formulas:
-    """The functions B, ∇H, H and f of a problem, for arrays y, (d,) or (d, M), of `xp`: jax.numpy, torch or numpy.
+    """The functions B, ∇H, H and f of a problem, for arrays y, (d,) or (d, M), of `xp`: jax.numpy,
+    torch or numpy.
 
-    Their argument `numbers` is the second result of `pose`, converted to tensors for torch; JAX takes NumPy arrays.
+    Their argument `numbers` is the second result of `pose`, converted to tensors for torch; JAX
+    takes NumPy arrays.
 
     Attributes
     ----------
@@ -49,7 +54,8 @@ class Formulas:
     texts : tuple of str
         For a problem by name, generated code of B, ∇H, H and f; empty for polynomials.
     width : int
-        The number of variables of a wide table of polynomials, which y must have; 0 for the problem's own number.
+        The number of variables of a wide table of polynomials, which y must have; 0 for the
+        problem's own number.
     """
 
     kind: str
@@ -78,7 +84,9 @@ class Formulas:
         return self.values(xp, numbers, y, d * d + d, d * d + d + 1)[0]
 
     def field(self, xp: Any, numbers: Any, y: Any) -> Any:
-        """The field f(y) = B(y)∇H(y), of shape (d, ...); generated code leaves out zero entries of B."""
+        """The field f(y) = B(y)∇H(y), of shape (d, ...);
+        generated code leaves out zero entries of B.
+        """
         if self.texts:
             return self._recorded(3, xp, numbers, y)
         d = y.shape[0]
@@ -87,18 +95,23 @@ class Formulas:
         return xp.einsum("ij...,j...->i...", B, both[d * d :])
 
     def _recorded(self, which: int, xp: Any, numbers: Any, y: Any) -> Any:
-        """The components of B, ∇H, H or f (`which` = 0 to 3) by generated code; constants are repeated for every y."""
+        """The components of B, ∇H, H or f (`which` = 0 to 3) by generated code;
+        constants are repeated for every y.
+        """
         values, zero = _compiled(xp, self.texts[which])(y, numbers[which]), xp.zeros_like(y[0])
         return xp.stack([v if getattr(v, "shape", None) == zero.shape else zero + v for v in values])
 
     def values(self, xp: Any, numbers: Any, y: Any, first: int, last: int) -> Any:
-        """The values at y of the rows `first` to `last` − 1 of a table of polynomials, given by `numbers`."""
+        """The values at y of the rows `first` to `last` − 1 of a table of polynomials,
+        given by `numbers`.
+        """
         exponents, coefficients = numbers
         # Products replace y**e, because JAX and torch differentiate 0**0 to NaN.
         one, top = xp.ones_like(y), xp.amax(exponents, 1).reshape((-1, *[1] * (y.ndim - 1)))
         power = [one]
         for k in range(self.powers):
-            # Powers that no monomial has are left out: they may overflow, and then derivatives have 0·∞.
+            # Powers that no monomial has are left out: they may overflow, and then derivatives have
+            # 0·∞.
             power.append(power[-1] * xp.where(top > k, y, one))
         table = xp.stack(power)
         monomials = table[exponents[0], 0]
@@ -117,17 +130,18 @@ def pose(
     problem : str or Problem
         A name, a file, ``module:attribute``, or the `Problem` that a step gets.
     padded : bool
-        True fills up the tables of a polynomial problem with zeros to one of a few sizes. So a step is compiled a few
-        times, and not once for each random problem.
+        True fills up the tables of a polynomial problem with zeros to one of a few sizes. So a step
+        is compiled a few times, and not once for each random problem.
     wide : bool
-        True also fills up the variables of a polynomial problem to 6, 12, 24, …: the further ones do not change. Then y
-        must have `Formulas.width` components, which `in_blocks` adds.
+        True also fills up the variables of a polynomial problem to 6, 12, 24, …: the further ones
+        do not change. Then y must have `Formulas.width` components, which `in_blocks` adds.
 
     Raises
     ------
     Skipped
-        If the problem is given by NumPy functions, which no other library can run, or has a structure matrix for each
-        noise. If a step does not catch this error, the laws take problems given as data instead.
+        If the problem is given by NumPy functions, which no other library can run, or has a
+        structure matrix for each noise. If a step does not catch this error, the laws take problems
+        given as data instead.
 
     Examples
     --------
@@ -149,7 +163,8 @@ def pose(
 
 
 def field_in(xp: Any, problem: str | Problem) -> Callable[[Any], Any]:
-    """The function y -> f(y) = B(y)∇H(y) of one problem, for y (d,) or (d, M), in arrays of `xp`, such as jax.numpy.
+    """The function y -> f(y) = B(y)∇H(y) of one problem, for y (d,) or (d, M), in arrays of `xp`,
+    such as jax.numpy.
 
     Use float64: ``jax.config.update("jax_enable_x64", True)`` before any JAX array is made.
 
@@ -193,7 +208,9 @@ def _pose(
 
 
 def _widened(D: int, exponents: Array, coefficients: Array) -> tuple[Array, Array]:
-    """The table of B, ∇H and H of d variables as one of D variables, with zero entries for the further ones."""
+    """The table of B, ∇H and H of d variables as one of D variables,
+    with zero entries for the further ones.
+    """
     d, terms = exponents.shape
     B, g = np.zeros((D, D, terms)), np.zeros((D, terms))
     B[:d, :d], g[:d] = coefficients[: d * d].reshape(d, d, terms), coefficients[d * d : d * d + d]
@@ -203,7 +220,9 @@ def _widened(D: int, exponents: Array, coefficients: Array) -> tuple[Array, Arra
 
 @lru_cache(maxsize=64)
 def _compiled(xp: Any, text: str) -> Callable[..., tuple[Any, ...]]:
-    """Compile generated code of a formula to a function of (y, parameters) in the library `xp`, such as jax.numpy."""
+    """Compile generated code of a formula to a function of (y, parameters) in the library `xp`,
+    such as jax.numpy.
+    """
     namespace: dict[str, Any] = {n: getattr(xp, n, None) for n in (*FUNCTIONS, "where", "logical_not")}
     namespace |= {"power": pow, "inf": math.inf}
     exec(compile(text, "<record>", "exec"), namespace)
@@ -219,7 +238,8 @@ def size(needed: int, least: int, factor: int = 2) -> int:
 
 
 def table(dimension: int, rows: list[Polynomial], padded: bool) -> tuple[int, tuple[Any, Array]]:
-    """A table of R polynomials in T monomials: largest exponent, exponents (d, T), and coefficients (R, T).
+    """A table of R polynomials in T monomials: largest exponent, exponents (d, T),
+    and coefficients (R, T).
 
     If `padded`, exponents and coefficients are filled up with zeros to T = 64, 256, 1024, ….
     """
@@ -238,10 +258,12 @@ def table(dimension: int, rows: list[Polynomial], padded: bool) -> tuple[int, tu
 
 
 def in_blocks(step: Callable[[Array, Array], Any], y: Array, dW: Array, lanes: int, width: int = 0) -> Array:
-    """Call step(y (d, lanes), dW (m, lanes)) for any number of states, or one state (d,), in blocks of `lanes` states.
+    """Call step(y (d, lanes), dW (m, lanes)) for any number of states, or one state (d,),
+    in blocks of `lanes` states.
 
-    Because all blocks have one size, compiled code and its roundings do not depend on the number of states. If `width`
-    is given, as by `pose(problem, wide=True)`, y gets further components 0, and only the first d of the result count.
+    Because all blocks have one size, compiled code and its roundings do not depend on the number of
+    states. If `width` is given, as by `pose(problem, wide=True)`, y gets further components 0, and
+    only the first d of the result count.
     """
     states = y.reshape(y.shape[0], -1)
     d = len(states)

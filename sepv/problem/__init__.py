@@ -1,10 +1,12 @@
-"""Problems: a structure matrix B, a Hamiltonian H, noise coefficients c, and everything derived from them.
+"""Problems: a structure matrix B, a Hamiltonian H, noise coefficients c,
+and everything derived from them.
 
-Read `_problem` first (a problem as data, and the classes of systems). `_derived` derives gradient, Hessian, B′ and
-averages from recorded operations of B and H, and `_checks` compares the parts. What a step uses of a problem stands in
-`sepv.core`. Equation (1.1) is dy = B∇H(dt + Σ c_j∘dW_j). Wider classes are in
-`_structures` (a structure for each noise) and `_hamiltonians` (a Hamiltonian for each noise), narrower ones in `_nambu`
-and `_mechanics`. `_poisson` computes the defect of Jacobi's identity. `_json` reads and writes problems as JSON.
+Read `_problem` first (a problem as data, and the classes of systems). `_derived` derives gradient,
+Hessian, B′ and averages from recorded operations of B and H, and `_checks` compares the parts. What
+a step uses of a problem stands in `sepv.core`. Equation (1.1) is dy = B∇H(dt + Σ c_j∘dW_j). Wider
+classes are in `_structures` (a structure for each noise) and `_hamiltonians` (a Hamiltonian for
+each noise), narrower ones in `_nambu` and `_mechanics`. `_poisson` computes the defect of Jacobi's
+identity. `_json` reads and writes problems as JSON.
 """
 
 from __future__ import annotations

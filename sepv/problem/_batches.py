@@ -1,4 +1,6 @@
-"""Functions of one state become functions of a batch (d, M); a constant matrix becomes a structure."""
+"""Functions of one state become functions of a batch (d, M); a constant matrix becomes a
+structure.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,9 @@ from sepv.record import Tape, evaluator
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
-# The largest relative difference between a function of a batch and the same function of each state. Sums in another
-# order differ by a few roundings; a function that mixes the states of a batch is wrong by its whole size.
+# The largest relative difference between a function of a batch and the same function of each state.
+# Sums in another order differ by a few roundings; a function that mixes the states of a batch is
+# wrong by its whole size.
 BATCH_TOLERANCE = 1e-9
 # Three states: a batch of two would let a function pass that fits d = 2 by chance.
 BATCH = 3
@@ -23,7 +26,9 @@ BATCH = 3
 
 @dataclass(frozen=True, eq=False)
 class ConstantStructure:
-    """The function y -> B of a structure matrix `matrix` (d, d) that does not depend on the state."""
+    """The function y -> B of a structure matrix `matrix` (d, d) that does not depend on the
+    state.
+    """
 
     matrix: Array
 
@@ -35,10 +40,12 @@ class ConstantStructure:
 
 
 def taking_batches(key: str, function: Function, y: Array, shape: tuple[int, ...]) -> Function:
-    """`function` itself if it takes batches (d, M), else the same operations, recorded at one state, as a function.
+    """`function` itself if it takes batches (d, M), else the same operations,
+    recorded at one state, as a function.
 
-    `np.sum(y**2)`, `y @ A @ y` or a constant matrix are right for a state (d,) and wrong for a batch. The operations
-    of a call with symbols are right for both. A function that cannot be recorded is returned as it is.
+    `np.sum(y**2)`, `y @ A @ y` or a constant matrix are right for a state (d,) and wrong for a
+    batch. The operations of a call with symbols are right for both. A function that cannot be
+    recorded is returned as it is.
 
     Parameters
     ----------

@@ -14,8 +14,9 @@ from sepv.core.average import gauss_legendre, mean_nodes
 from sepv.errors import ProblemError
 from sepv.problem._stated import Stated
 
-# A correct gradient differs from the complex-step derivative only by rounding: eps times the cancellation inside H. The
-# bound 1e-9 is heuristic: it allows for a loss of seven digits, and still detects any wrong term.
+# A correct gradient differs from the complex-step derivative only by rounding: eps times the
+# cancellation inside H. The bound 1e-9 is heuristic: it allows for a loss of seven digits, and
+# still detects any wrong term.
 GRADIENT_TOLERANCE = 1e-9
 # A defect of skewness enters the energy at its full size, so only a few eps are allowed.
 SKEW_TOLERANCE = 8 * EPS
@@ -44,7 +45,8 @@ def check_problem(problem: Stated) -> None:
 def sample_states(problem: Stated, length: float = 1.0) -> Iterator[Array]:
     """A few states of the domain around the problem's initial state, the same in every run.
 
-    Component i of a state differs from y_i, that of the initial state, by at most (|y_i| + `length`)/4.
+    Component i of a state differs from y_i, that of the initial state, by at most
+    (|y_i| + `length`)/4.
     """
     rng = np.random.default_rng(20140203)
     d = problem.dimension
@@ -107,13 +109,15 @@ def _check_gradient(problem: Stated, y: Array) -> None:
 def _mistaken(
     given: Array, of: Callable[[Any], Any], y: Array
 ) -> Iterator[tuple[tuple[int, ...], float, float]]:
-    """The wrong entries (index, value, right value) of the array `given` (..., d), the claimed derivative of `of` at y.
+    """The wrong entries (index, value, right value) of the array `given` (..., d),
+    the claimed derivative of `of` at y.
 
-    One random direction v with ½ ≤ |v_k| < 1 is tried first: Σ_k given[..., k] v_k must be the derivative along v. It
-    takes one evaluation of `of`, where the d directions of the entries take d. A single wrong entry changes the sum by
-    more than half its error δ, so it is missed only if δ < 2 GRADIENT_TOLERANCE Σ|given v|, 2d times what is allowed
-    for one entry at most. The errors of several entries of a row cancel for no v but a set of measure zero.
-    If the sums differ, the entries are tried one by one. So no problem is refused whose entries are right.
+    One random direction v with ½ ≤ |v_k| < 1 is tried first: Σ_k given[..., k] v_k must be the
+    derivative along v. It takes one evaluation of `of`, where the d directions of the entries
+    take d. A single wrong entry changes the sum by more than half its error δ, so it is missed
+    only if δ < 2 GRADIENT_TOLERANCE Σ|given v|, 2d times what is allowed for one entry at most.
+    The errors of several entries of a row cancel for no v but a set of measure zero. If the sums
+    differ, the entries are tried one by one. So no problem is refused whose entries are right.
     """
     along = _direction(len(y))
     if not _differ(
@@ -134,7 +138,9 @@ def _direction(d: int) -> Array:
 
 
 def _differ(claimed: Any, terms: Any, given: Array, derivative: Any) -> NDArray[np.bool_]:
-    """True where a claimed derivative, a sum whose `terms` have these sizes together, is wrong or not a number."""
+    """True where a claimed derivative, a sum whose `terms` have these sizes together,
+    is wrong or not a number.
+    """
     scale = np.maximum(max(float(np.abs(given).max()), 1e-3), terms)
     return ~np.asarray(
         np.abs(derivative - claimed) <= GRADIENT_TOLERANCE * np.maximum(scale, np.abs(derivative))
@@ -142,10 +148,12 @@ def _differ(claimed: Any, terms: Any, given: Array, derivative: Any) -> NDArray[
 
 
 def _check_mean_gradient(problem: Stated, y: Array) -> None:
-    """Check that (y1 − y0)ᵀ∇̄H = H(y1) − H(y0) for the averaged gradient ∇̄H that `mean_gradient` or `degree` gives.
+    """Check that (y1 − y0)ᵀ∇̄H = H(y1) − H(y0) for the averaged gradient ∇̄H that `mean_gradient`
+    or `degree` gives.
 
-    Energy preservation needs this equation. The tolerance is GRADIENT_TOLERANCE relative to the terms of the left side.
-    A wrong average, such as ∇H at the midpoint, violates the equation by about |y1 − y0|³, which is 1e-5 here.
+    Energy preservation needs this equation. The tolerance is GRADIENT_TOLERANCE relative to the
+    terms of the left side. A wrong average, such as ∇H at the midpoint, violates the equation by
+    about |y1 − y0|³, which is 1e-5 here.
     """
     end = y * (1 + 2.0**-4) + 2.0**-6
     if (problem.mean_gradient is None and problem.degree is None) or not inside(problem, end):
@@ -157,7 +165,8 @@ def _check_mean_gradient(problem: Stated, y: Array) -> None:
         average = problem.gradient(y[:, None] + points * (end - y)[:, None]) @ weights
     terms = (end - y) * np.asarray(average, dtype=np.float64)
     difference = float(problem.hamiltonian(end) - problem.hamiltonian(y))
-    # Each energy may have a rounding error of 4 eps of its size. GRADIENT_TOLERANCE covers the roundings of the terms.
+    # Each energy may have a rounding error of 4 eps of its size. GRADIENT_TOLERANCE covers the
+    # roundings of the terms.
     rounding = 2.0**-50 * (abs(float(problem.hamiltonian(end))) + abs(float(problem.hamiltonian(y))))
     if not abs(terms.sum() - difference) <= GRADIENT_TOLERANCE * np.abs(terms).sum() + rounding:
         if problem.mean_gradient is None:
@@ -210,11 +219,13 @@ def _check_derivatives(problem: Stated, y: Array) -> None:
 
 
 def _derivative(of: Callable[[Any], Any], y: Array, along: Array, claimed: Array) -> Array:
-    """The derivative of a function at y along a direction (d,), computed in two ways; entries closer to `claimed`.
+    """The derivative of a function at y along a direction (d,), computed in two ways;
+    entries closer to `claimed`.
 
-    The complex step is exact to rounding, but wrong for code that is not analytic (abs, comparisons, conversions to
-    float). Differences in extended precision work for any code, but lose digits; they are computed where the complex
-    step disagrees. An entry is NaN if neither way gives a number.
+    The complex step is exact to rounding, but wrong for code that is not analytic (abs,
+    comparisons, conversions to float). Differences in extended precision work for any code, but
+    lose digits; they are computed where the complex step disagrees. An entry is NaN if neither way
+    gives a number.
     """
     best = np.full(np.shape(claimed), np.nan)
     with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -238,9 +249,11 @@ def _complex_step(of: Callable[[Any], Any], y: Array, along: Array) -> Any:
 
 
 def _extended_difference(of: Callable[[Any], Any], y: Array, along: Array) -> Any:
-    """The derivative as a central difference of order six in long double, with an error of h⁶ + eps_long/h.
+    """The derivative as a central difference of order six in long double,
+    with an error of h⁶ + eps_long/h.
 
-    The largest component of v moves by h = 2⁻⁸(1 + |y_k|), for the smallest |y_k| of the components that move.
+    The largest component of v moves by h = 2⁻⁸(1 + |y_k|), for the smallest |y_k| of the components
+    that move.
     """
     h = np.longdouble(2.0**-8) * (1 + np.abs(y[along != 0]).min())
     total: Any = np.longdouble(0)
@@ -251,7 +264,9 @@ def _extended_difference(of: Callable[[Any], Any], y: Array, along: Array) -> An
 
 
 def _call(problem: Stated, key: str, y: Array) -> Any:
-    """The value of the problem's function `key` at a copy of y. ProblemError if the function raises or changes y."""
+    """The value of the problem's function `key` at a copy of y.
+    ProblemError if the function raises or changes y.
+    """
     copied = y.copy()
     try:
         value = getattr(problem, key)(copied)

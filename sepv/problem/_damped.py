@@ -1,15 +1,19 @@
-"""Linear damping, dy = (B(y)∇H − γy) dt + Σ_j c_j B(y)∇H ∘dW_j: systems of arXiv 2503.01540 with all H_j equal to H.
+"""Linear damping, dy = (B(y)∇H − γy) dt + Σ_j c_j B(y)∇H ∘dW_j:
+systems of arXiv 2503.01540 with all H_j equal to H.
 
-In Stratonovich's form the chain rule holds, and the terms with B∇H change neither H nor a Casimir C. So on each path
+In Stratonovich's form the chain rule holds, and the terms with B∇H change neither H nor a
+Casimir C. So on each path
 
     dH = −γ yᵀ∇H dt,    dC = −γ yᵀ∇C dt.
 
-If F = H or F = C is homogeneous of degree p, yᵀ∇F = pF, and F decays as e^{−pγt}. Let B be homogeneous of degree β, H
-of degree p, and κ = β + p − 2. Then u = e^{γt}y satisfies du = e^{−κγt}f(u)(dt + Σ c_j ∘dW_j), so that
+If F = H or F = C is homogeneous of degree p, yᵀ∇F = pF, and F decays as e^{−pγt}. Let B
+be homogeneous of degree β, H of degree p, and κ = β + p − 2. Then u = e^{γt}y satisfies
+du = e^{−κγt}f(u)(dt + Σ c_j ∘dW_j), so that
 
     y(t) = e^{−γt} φ_{θ(t)}(y(0)),    θ(t) = ∫₀ᵗ e^{−κγs}(ds + Σ_j c_j dW_j(s)),
 
-where φ is the flow of f = B∇H. This solution depends on the whole Wiener path, and not on its end alone.
+where φ is the flow of f = B∇H. This solution depends on the whole Wiener path, and not on its end
+alone.
 """
 
 from __future__ import annotations
@@ -27,7 +31,8 @@ from sepv.problem._problem import Matrix, Problem
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DampedProblem(Problem):
-    """A system (1.1) with linear damping, dy = (B∇H − γy) dt + Σ_j c_j B∇H ∘dW_j; `casimirs` are those of B.
+    """A system (1.1) with linear damping, dy = (B∇H − γy) dt + Σ_j c_j B∇H ∘dW_j;
+    `casimirs` are those of B.
 
     Parameters
     ----------
@@ -62,16 +67,20 @@ class DampedProblem(Problem):
 
 
 def damping_of(problem: Problem) -> float:
-    """The rate of a problem's damping: γ for −γy, the largest row sum of |Γ| for −Γy, zero without damping."""
+    """The rate of a problem's damping: γ for −γy, the largest row sum of |Γ| for −Γy,
+    zero without damping.
+    """
     damping = np.asarray(problem.damping, dtype=np.float64)
     return float(np.max(np.sum(np.abs(damping), axis=1)) if damping.ndim else damping)
 
 
 def conformal_rate(problem: Problem, y: Array) -> float | None:
-    """The number κ with ΓB + BΓᵀ = κB for the constant B of a problem, read at a state y; None if there is none.
+    """The number κ with ΓB + BΓᵀ = κB for the constant B of a problem, read at a state y;
+    None if there is none.
 
-    Then the flow of B∇H − Γy has φ′Bφ′ᵀ = e^{−κt}B (R. McLachlan and M. Perlmutter, J. Geom. Phys. 39, 2001): d/dt of
-    φ′Bφ′ᵀ is (BH″ − Γ)X + X(BH″ − Γ)ᵀ with X = φ′Bφ′ᵀ, which is −κX for X = e^{−κt}B. For −γy κ is 2γ, for −γp it is γ.
+    Then the flow of B∇H − Γy has φ′Bφ′ᵀ = e^{−κt}B (R. McLachlan and M. Perlmutter, J. Geom.
+    Phys. 39, 2001): d/dt of φ′Bφ′ᵀ is (BH″ − Γ)X + X(BH″ − Γ)ᵀ with X = φ′Bφ′ᵀ, which is −κX for
+    X = e^{−κt}B. For −γy κ is 2γ, for −γp it is γ.
     """
     Gamma, B = damping_matrix(problem), problem.structure(y)
     both, size = Gamma @ B + B @ Gamma.T, np.abs(Gamma) @ np.abs(B)

@@ -1,4 +1,6 @@
-"""Parts of a problem that are derived from the recorded operations of H and B: ∇H, H″, B′, the mean of ∇H, flows."""
+"""Parts of a problem that are derived from the recorded operations of H and B: ∇H, H″, B′,
+the mean of ∇H, flows.
+"""
 
 from __future__ import annotations
 
@@ -30,13 +32,17 @@ Function = Callable[[Array], Array]
 
 
 def to_be_derived(y: Array) -> Array:
-    """The default of `Problem.gradient`: it marks that the gradient is to be derived, and is never called."""
+    """The default of `Problem.gradient`: it marks that the gradient is to be derived,
+    and is never called.
+    """
     raise NotImplementedError("a mark for what was not given")
 
 
 @dataclass(frozen=True)
 class MeanGradient:
-    """The function (y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ in a closed form, derived from the recorded operations of H."""
+    """The function (y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ in a closed form,
+    derived from the recorded operations of H.
+    """
 
     of_segment: Evaluator
 
@@ -46,9 +52,11 @@ class MeanGradient:
 
 @dataclass(frozen=True)
 class Derivatives:
-    """The derivatives of H, as functions like those of `sepv.Problem`, and the degree of H if H is a polynomial.
+    """The derivatives of H, as functions like those of `sepv.Problem`,
+    and the degree of H if H is a polynomial.
 
-    `mean_gradient` is None if H is a polynomial, because `degree` is then enough, or if the average has no closed form.
+    `mean_gradient` is None if H is a polynomial, because `degree` is then enough, or if the average
+    has no closed form.
     """
 
     gradient: Evaluator
@@ -65,7 +73,9 @@ class Derived(Derivatives):
 
 
 def derive(dimension: int, structure: Function, hamiltonian: Function) -> Derived:
-    """Derive all parts of a problem from B and H. Raises ProblemError, with the reason, if one cannot be recorded."""
+    """Derive all parts of a problem from B and H. Raises ProblemError, with the reason,
+    if one cannot be recorded.
+    """
     tape = Tape()
     y = tape.vector(dimension)
     B = recorded_as(tape, "structure", structure, y, (dimension, dimension))
@@ -76,7 +86,9 @@ def derive(dimension: int, structure: Function, hamiltonian: Function) -> Derive
 
 
 def derivatives(dimension: int, hamiltonian: Function, name: str = "hamiltonian") -> Derivatives:
-    """Derive ∇H, H″ and the average of ∇H along a segment from H. Raises ProblemError if H cannot be recorded."""
+    """Derive ∇H, H″ and the average of ∇H along a segment from H.
+    Raises ProblemError if H cannot be recorded.
+    """
     tape = Tape()
     y, z = tape.vector(dimension), tape.vector(dimension)
     H = recorded_as(tape, name, hamiltonian, y, ())
@@ -95,10 +107,11 @@ def derivatives(dimension: int, hamiltonian: Function, name: str = "hamiltonian"
 
 @dataclass(frozen=True)
 class PartFlow:
-    """The exact flow of B∇H_k for a part H_k of H: a function (y, t) -> (d, ...) of states y and times t (...).
+    """The exact flow of B∇H_k for a part H_k of H: a function (y, t) -> (d, ...)
+    of states y and times t (...).
 
-    A call raises NoClosedForm if the flow has no closed form (`sepv.record._flows`), and ProblemError if B∇H_k cannot
-    be recorded.
+    A call raises NoClosedForm if the flow has no closed form (`sepv.record._flows`), and
+    ProblemError if B∇H_k cannot be recorded.
     """
 
     dimension: int
@@ -118,9 +131,11 @@ class PartFlow:
 
 
 def recorded_as(tape: Tape, key: str, function: Function, y: Any, shape: tuple[int, ...]) -> Any:
-    """The result, in symbols, of calling `function` with the symbols y; messages call the function `key`.
+    """The result, in symbols, of calling `function` with the symbols y;
+    messages call the function `key`.
 
-    Raises ProblemError, with the reason, if the function cannot be recorded or its result does not have this shape.
+    Raises ProblemError, with the reason, if the function cannot be recorded or its result does not
+    have this shape.
     """
     try:
         symbols = tape.symbols(function(y))

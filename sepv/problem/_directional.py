@@ -1,4 +1,6 @@
-"""Derivatives of B(y)v and of the field f = B∇H along a direction, by differences where a problem gives no formula."""
+"""Derivatives of B(y)v and of the field f = B∇H along a direction,
+by differences where a problem gives no formula.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +12,20 @@ from numpy.typing import NDArray
 from sepv.core.arrays import Array, matvec
 from sepv.core.problem import System, differences_of_lanes, field_jacobian, vector_field
 
-# Exponents s of the widths ∝ |y|^s of differences: f may vary over lengths |y| or 1, and only its values show which.
+# Exponents s of the widths ∝ |y|^s of differences: f may vary over lengths |y| or 1, and only its
+# values show which.
 _SCALES = (1.0, 2 / 3, 1 / 3, 0.0)
 
 
 def derivative_along(problem: System, y: Array, v: Array) -> Array:
-    """The derivative of the field f = B∇H in the direction v, f′(y)v, (d, ...): analytic, else by differences.
+    """The derivative of the field f = B∇H in the direction v, f′(y)v, (d, ...): analytic,
+    else by differences.
 
-    The differences are central and of order six. Each state has the width with the smallest estimate of the error: the
-    distance to a difference of order four, plus the rounding of f. If f returns long double for a y in long double, the
-    differences are in long double; with 64 bits of mantissa their error is below a rounding of f. For any other f they
-    are in binary64, with an error of about 1e-13 of the scale of f. This second error can show in y1, because the Itô
+    The differences are central and of order six. Each state has the width with the smallest
+    estimate of the error: the distance to a difference of order four, plus the rounding of f. If f
+    returns long double for a y in long double, the differences are in long double; with 64 bits of
+    mantissa their error is below a rounding of f. For any other f they are in binary64, with an
+    error of about 1e-13 of the scale of f. This second error can show in y1, because the Itô
     correction and Milstein's term can be larger than f times the step.
     """
     jacobian = field_jacobian(problem, y)
@@ -54,7 +59,8 @@ def derivative_along(problem: System, y: Array, v: Array) -> Array:
 
 
 def structure_slope(problem: System, y: Array, v: Array, k: int = 0) -> Array:
-    """The derivative of S_k(y)v by y for fixed v, (d, d, ...): from S_k′ if it is given, else by differences.
+    """The derivative of S_k(y)v by y for fixed v, (d, d, ...): from S_k′ if it is given,
+    else by differences.
 
     S_0 is the structure B of the drift, S_k that of noise number k − 1.
     """

@@ -1,4 +1,6 @@
-"""Bounds of a problem's functions over the box of a step, from their recorded operations, and H in any arithmetic."""
+"""Bounds of a problem's functions over the box of a step, from their recorded operations,
+and H in any arithmetic.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +13,15 @@ from sepv.core.arrays import Array
 from sepv.problem._derived import Function
 from sepv.record import CannotRecord, Tape, gradient, jacobian, magnitudes
 
-# The number of pieces of a segment, each with a box of its own, if the box of the whole segment has no finite bound.
+# The number of pieces of a segment, each with a box of its own, if the box of the whole segment has
+# no finite bound.
 PIECES = 16
 
 
 class Record(NamedTuple):
-    """The symbols of a state y (d,), of the entries of a function of y, and of their derivatives (entries, d)."""
+    """The symbols of a state y (d,), of the entries of a function of y,
+    and of their derivatives (entries, d).
+    """
 
     y: Any
     values: Any
@@ -45,7 +50,8 @@ def recorded(function: Function, dimension: int, *, differentiated: bool = False
 def over_box(
     function: Function, y0: Array, y1: Array, beyond: Any = 0.0, *, differentiated: bool = False
 ) -> Array | None:
-    """A bound of |F| + |F′||y| over the box with corners y0 and y1 (d, ...), enlarged by `beyond` on each side.
+    """A bound of |F| + |F′||y| over the box with corners y0 and y1 (d, ...),
+    enlarged by `beyond` on each side.
 
     F is the function or, if `differentiated`, its gradient; the result is (entries of F, ...).
     Where it is infinite, because the box leaves the domain of F, it is the largest bound over

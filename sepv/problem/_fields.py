@@ -1,4 +1,6 @@
-"""Invariants of a problem and gradients of Casimirs for batches, and derivatives along a direction."""
+"""Invariants of a problem and gradients of Casimirs for batches, and derivatives along a
+direction.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,11 @@ from sepv.problem._problem import Problem
 
 
 def invariants(problem: Problem, y: Array) -> Array:
-    """The invariants of a problem at y (d, ...), as rows (1 + n, ...): H, and its n quadratic and linear Casimirs.
+    """The invariants of a problem at y (d, ...), as rows (1 + n, ...): H,
+    and its n quadratic and linear Casimirs.
 
-    Sums are written out, so that the bits for one state do not depend on the other states of a batch.
+    Sums are written out, so that the bits for one state do not depend on the other states of a
+    batch.
     """
     none = np.zeros(y.shape[1:])
     rows = [problem.hamiltonian(y)]
@@ -39,14 +43,17 @@ def known_invariants(problem: Problem | None, y: Array) -> Array:
 
 
 def changes_of_invariants(problem: Problem, y: Array) -> dict[str, Array]:
-    """The changes of H and of the Casimirs C1, C2, … along one path y (d, N + 1) from its first state, by name."""
+    """The changes of H and of the Casimirs C1, C2, … along one path y (d, N + 1)
+    from its first state, by name.
+    """
     with np.errstate(all="ignore"):
         rows = invariants(problem, y)
         return {f"C{n}" if n else "H": row - row[0] for n, row in enumerate(rows)}
 
 
 def casimir_gradients(quadratic: Sequence[Any], linear: Sequence[Any], ends: Array) -> list[Array]:
-    """The gradients of Casimirs yᵀAy and bᵀy, averaged along the segment from y0 to y1: A·ends and b, ends = y0 + y1.
+    """The gradients of Casimirs yᵀAy and bᵀy, averaged along the segment from y0 to y1:
+    A·ends and b, ends = y0 + y1.
 
     Each average has the shape (d, ...). With ends = 2y the averages are the gradients at y.
     """
@@ -58,7 +65,9 @@ def casimir_gradients(quadratic: Sequence[Any], linear: Sequence[Any], ends: Arr
 
 
 def slope_along(function: Callable[[Array], Any], y: Array, direction: Array, width: Any) -> Array:
-    """The derivative of a function at y in a direction, by central differences exact for polynomials of degree 6."""
+    """The derivative of a function at y in a direction,
+    by central differences exact for polynomials of degree 6.
+    """
     rises = [
         np.asarray(function(y + n * width * direction)) - function(y - n * width * direction)
         for n in (1, 2, 3)
@@ -67,7 +76,8 @@ def slope_along(function: Callable[[Array], Any], y: Array, direction: Array, wi
 
 
 def energy_change(problem: Problem, y0: Array, y1: Array) -> Array:
-    """H(y1) − H(y0) = ∇̄Hᵀ(y1 − y0), (...), without the digits that the difference of two values of H loses.
+    """H(y1) − H(y0) = ∇̄Hᵀ(y1 − y0), (...), without the digits that the difference of two values of
+    H loses.
 
     Its rounding error is relative to |∇H||y1 − y0|, whatever constant H contains.
     """

@@ -1,12 +1,15 @@
-"""Friction with additive noise: Langevin dynamics dq = M⁻¹p dt, dp = (−∇V − γp) dt + σ dW at a temperature.
+"""Friction with additive noise: Langevin dynamics dq = M⁻¹p dt, dp = (−∇V − γp)
+dt + σ dW at a temperature.
 
-The drift has the channels B∇H and −Γy, where the matrix Γ acts on p alone, and each noise is a constant vector c_j g_j
-in p. With B = J and H = ½ pᵀM⁻¹p + V(q) the density e^{−H/kT} is stationary if and only if
+The drift has the channels B∇H and −Γy, where the matrix Γ acts on p alone, and each noise is a
+constant vector c_j g_j in p. With B = J and H = ½ pᵀM⁻¹p + V(q) the density e^{−H/kT} is stationary
+if and only if
 
-    Σ_j c_j² g_j g_jᵀ = kT (ΓM + MΓᵀ)                                                                          (F)
+    Σ_j c_j² g_j g_jᵀ = kT (ΓM + MΓᵀ)                                                            (F)
 
-in the components of p: fluctuation and dissipation (G. A. Pavliotis, Stochastic Processes and Applications, 2014,
-§6.1). For Γ = γ and a diagonal M these are noises √(2γkT m_k) dW_k, one for each momentum.
+in the components of p: fluctuation and dissipation (G. A. Pavliotis, Stochastic Processes and
+Applications, 2014, §6.1). For Γ = γ and a diagonal M these are noises √(2γkT m_k) dW_k, one for
+each momentum.
 """
 
 from __future__ import annotations
@@ -26,19 +29,22 @@ from sepv.problem._hamiltonians import HamiltoniansProblem, noise_vectors
 from sepv.problem._mechanics import Mechanics, mechanics
 from sepv.problem._problem import Matrix, PolynomialSystem, Problem, constant
 
-# The relative difference of both sides of (F), entry by entry, that counts as rounding: σ is a rounded square root.
+# The relative difference of both sides of (F), entry by entry, that counts as rounding: σ is a
+# rounded square root.
 BALANCE_TOLERANCE = 64 * EPS
 
 
 def friction(problem: Problem, rate: ArrayLike, temperature: float, name: str = "") -> HamiltoniansProblem:
-    """The Langevin dynamics of a mechanical problem: its H and initial state, with friction and the noise of (F).
+    """The Langevin dynamics of a mechanical problem: its H and initial state,
+    with friction and the noise of (F).
 
     Parameters
     ----------
     problem : Problem
         A problem with H = ½ pᵀM⁻¹p + V(q) and B = ±J (`mechanics`). Its own noise is left out.
     rate : float, (n,) or (n, n)
-        The rate γ ≥ 0 of −γp, a rate for each degree of freedom, or the matrix of the friction of p.
+        The rate γ ≥ 0 of −γp, a rate for each degree of freedom, or the matrix of the friction
+        of p.
     temperature : float
         kT ≥ 0, in units of energy.
 
@@ -47,7 +53,8 @@ def friction(problem: Problem, rate: ArrayLike, temperature: float, name: str = 
     UsageError
         If the problem is not mechanical.
     ProblemError
-        If kT is not a number ≥ 0, or (F) has no solution: ΓM + MΓᵀ must be positive definite, or diagonal and ≥ 0.
+        If kT is not a number ≥ 0, or (F) has no solution: ΓM + MΓᵀ must be positive definite, or
+        diagonal and ≥ 0.
 
     Examples
     --------
@@ -91,7 +98,9 @@ def _rows(A: Array) -> Matrix:
 
 
 def _square_root(D: Array) -> Array:
-    """The matrix σ (n, m), σσᵀ = D, with a positive diagonal: of a positive definite D, or of a diagonal D ≥ 0."""
+    """The matrix σ (n, m), σσᵀ = D, with a positive diagonal: of a positive definite D,
+    or of a diagonal D ≥ 0.
+    """
     if np.array_equal(D, np.diag(np.diag(D))) and np.all(np.diag(D) >= 0):
         return np.diag(np.sqrt(np.diag(D)))[:, np.diag(D) > 0]
     try:
@@ -106,7 +115,8 @@ def _square_root(D: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Langevin:
-    """The parts of a problem with the friction −γp and constant noise in p, for a step of a splitting method.
+    """The parts of a problem with the friction −γp and constant noise in p,
+    for a step of a splitting method.
 
     Attributes
     ----------
@@ -129,7 +139,8 @@ class Langevin:
         return matvec(self.pushes.reshape(*self.pushes.shape, *(1,) * (dW.ndim - 1)), dW)
 
     def refreshed(self, p: Array, t: float, dW: Array) -> Array:
-        """The exact solution of dp = −γp dt + σ dW after the time t, in distribution, for dW of variance t.
+        """The exact solution of dp = −γp dt + σ dW after the time t, in distribution,
+        for dW of variance t.
 
         It is e^{−γt}p + √((1 − e^{−2γt})/(2γt)) σ dW.
         """
@@ -144,7 +155,8 @@ def langevin(problem: Problem) -> Langevin:
     Raises
     ------
     UsageError
-        If the problem is not mechanical, its friction is not −γp on all momenta, or its noise moves positions.
+        If the problem is not mechanical, its friction is not −γp on all momenta, or its noise moves
+        positions.
     """
     system, vectors, Gamma = mechanics(problem), noise_vectors(problem), damping_matrix(problem)
     n = system.degrees
@@ -167,7 +179,8 @@ def temperature(problem: Problem) -> float:
     Raises
     ------
     UsageError
-        If the problem is not one of `langevin` with γ > 0, or its noise is not that of one temperature.
+        If the problem is not one of `langevin` with γ > 0, or its noise is not that of one
+        temperature.
     """
     own = langevin(problem)
     wanted, D = 2 * own.rate * own.mechanics.mass, own.pushes @ own.pushes.T

@@ -1,15 +1,18 @@
-"""Functions I of the state that a user states as invariants, and what the exact flow makes of each of them.
+"""Functions I of the state that a user states as invariants,
+and what the exact flow makes of each of them.
 
-With the drift F_0 and the fields F_j of the noises, dy = F_0 dt + Σ_j c_j F_j ∘dW_j has the generator
+With the drift F_0 and the fields F_j of the noises, dy = F_0 dt + Σ_j c_j F_j ∘dW_j has the
+generator
 
     L = X_0 + ½ Σ_j c_j² X_j²,      X_j I = ∇Iᵀ F_j.
 
 If LI = σ − λI with constants σ and λ, E[I] solves dE[I]/dt = σ − λE[I] (Itô's formula), so that
 
-    E[I(y(h))] = e^(−λh) I(y(0)) + σ (1 − e^(−λh))/λ.                                                    (E)
+    E[I(y(h))] = e^(−λh) I(y(0)) + σ (1 − e^(−λh))/λ.                                            (E)
 
-If no noise moves I, X_j I = 0 for all c_j ≠ 0, then dI = X_0 I dt = (σ − λI) dt on each path, and (E) holds without the
-mean. I is kept if σ = λ = 0. A function I for which LI is not σ − λI has no such formula, and is refused.
+If no noise moves I, X_j I = 0 for all c_j ≠ 0, then dI = X_0 I dt = (σ − λI) dt on each path, and
+(E) holds without the mean. I is kept if σ = λ = 0. A function I for which LI is not σ − λI has no
+such formula, and is refused.
 
 LI and the X_j I are recorded, and evaluated with DIGITS digits at a few states in general position.
 """
@@ -29,9 +32,9 @@ from sepv.record import EPS, CannotRecord, Tape, gradient, replay
 
 # Decimal digits of LI: a cancellation of half of them leaves more than those of binary64.
 DIGITS = 40
-# A constant in a user's code is a rounded number, so LI may differ from σ − λI by a few roundings of its terms. Twice
-# the residual of a step is at least 64 eps of these terms (`sepv.law.tolerance`), so the law's bound, which
-# has this residual, covers the difference.
+# A constant in a user's code is a rounded number, so LI may differ from σ − λI by a few roundings
+# of its terms. Twice the residual of a step is at least 64 eps of these terms
+# (`sepv.law.tolerance`), so the law's bound, which has this residual, covers the difference.
 RECORDED_TOLERANCE = 64 * EPS
 
 
@@ -72,13 +75,16 @@ def relation(problem: Stated, name: str) -> Relation:
     Raises
     ------
     ProblemError
-        If there are no such constants, with a state that shows it, or if I, B or ∇H cannot be recorded.
+        If there are no such constants, with a state that shows it, or if I, B or ∇H cannot be
+        recorded.
     """
     return _relation(problem, name, problem.c.tobytes())
 
 
 def require_invariants(problem: Stated) -> None:
-    """Raise a ProblemError unless every function in `problem.invariants` has a relation LI = σ − λI."""
+    """Raise a ProblemError unless every function in `problem.invariants` has a relation LI = σ
+    − λI.
+    """
     for name in problem.invariants:
         relation(problem, name)
 
@@ -98,7 +104,9 @@ def _relation(problem: Stated, name: str, _noise: bytes) -> Relation:
 
 
 def _constants(name: str, states: list[Array], rows: list[list[Any]]) -> tuple[Any, Any]:
-    """σ and λ by the states (rows begin with I and end with LI and the size of its terms); 0 where 0 will do."""
+    """σ and λ by the states (rows begin with I and end with LI and the size of its terms);
+    0 where 0 will do.
+    """
     I, L, allowed = ([row[k] for row in rows] for k in (0, -2, -1))
     allowed = [RECORDED_TOLERANCE * size for size in allowed]
     largest = max(range(len(I)), key=lambda s: abs(I[s]))
@@ -130,7 +138,9 @@ def _constants(name: str, states: list[Array], rows: list[list[Any]]) -> tuple[A
 
 
 def _generator(problem: Stated, name: str) -> tuple[Any, Any]:
-    """Symbols of y, and of I, X_0 I, …, X_m I, the sizes of their terms, LI and the size of its terms."""
+    """Symbols of y, and of I, X_0 I, …, X_m I, the sizes of their terms,
+    LI and the size of its terms.
+    """
     d = problem.dimension
     tape = Tape()
     y = tape.vector(d)
@@ -147,13 +157,17 @@ def _generator(problem: Stated, name: str) -> tuple[Any, Any]:
 
 
 def _along(slope: Any, F: Any) -> tuple[Any, Any]:
-    """The derivative Σ_i slope_i F_i along a field, and the sum of the absolute values of its terms."""
+    """The derivative Σ_i slope_i F_i along a field, and the sum of the absolute values of its
+    terms.
+    """
     terms = [a * b for a, b in zip(slope, F, strict=True)]
     return sum(terms[1:], start=terms[0]), sum((abs(t) for t in terms[1:]), start=abs(terms[0]))
 
 
 def _fields(problem: Stated, tape: Any, y: Any) -> tuple[Any, list[Any]]:
-    """Symbols of the drift F_0 (d,) and of the fields F_1, …, F_m of the noises, without their c_j."""
+    """Symbols of the drift F_0 (d,) and of the fields F_1, …, F_m of the noises, without their
+    c_j.
+    """
     d = problem.dimension
     B = recorded_as(tape, "structure", problem.structure, y, (d, d))
     slope = _gradient(tape, "hamiltonian", problem.gradient, problem.hamiltonian, y)
@@ -171,7 +185,9 @@ def _fields(problem: Stated, tape: Any, y: Any) -> tuple[Any, list[Any]]:
 
 
 def _gradient(tape: Any, key: str, given: Function | None, potential: Function, y: Any) -> Any:
-    """The gradient (d,) in symbols, of the recorded `potential`, or as `given` where that one cannot be recorded."""
+    """The gradient (d,) in symbols, of the recorded `potential`,
+    or as `given` where that one cannot be recorded.
+    """
     try:
         return gradient(recorded_as(tape, key, potential, y, ()), y)
     except (ProblemError, CannotRecord):

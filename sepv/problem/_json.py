@@ -1,7 +1,7 @@
 """Problem descriptions as JSON with hex floats: a round trip keeps every bit.
 
-``sepv/schemas/problem.schema.json`` says what a problem file may hold. `from_json` validates data against it;
-`problem_from_json` expects valid data.
+``sepv/schemas/problem.schema.json`` says what a problem file may hold. `from_json` validates data
+against it; `problem_from_json` expects valid data.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from sepv.record import poly
 
 
 def to_json(problem: Problem | PolynomialSystem | NamedProblem) -> dict[str, Any]:
-    """The JSON object that describes a problem, with hex floats; for a `Problem` it includes the initial state.
+    """The JSON object that describes a problem, with hex floats;
+    for a `Problem` it includes the initial state.
 
     Raises
     ------
@@ -52,19 +53,22 @@ def from_json(data: Any) -> PolynomialSystem | NamedProblem:
     Raises
     ------
     ProblemError
-        For data that do not obey the schema of problems. The message gives the place and the reason.
+        For data that do not obey the schema of problems. The message gives the place and the
+        reason.
     """
     if wrong := _too_large(data) or fault(_without_terms(data), schema("problem")):
         raise _ill_formed(wrong)
     return problem_from_json(data)
 
 
-# The most terms of all polynomials together, and the most exponents in them: H″ has d² polynomials of such terms.
+# The most terms of all polynomials together, and the most exponents in them: H″ has d² polynomials
+# of such terms.
 MOST_TERMS, MOST_EXPONENTS = 100_000, 10**6
-# The most further numbers, texts and lists. A validator of schemas needs a tenth of a millisecond for each.
+# The most further numbers, texts and lists. A validator of schemas needs a tenth of a millisecond
+# for each.
 MOST_OTHER = 2**17
-# The kinds of lists under the keys of a polynomial system: terms, a list of terms, entries [i, j, terms] of a
-# structure, a list of structures, terms under names.
+# The kinds of lists under the keys of a polynomial system: terms, a list of terms, entries [i, j,
+# terms] of a structure, a list of structures, terms under names.
 _TERMS = {
     "hamiltonian": "terms", "polynomial_casimirs": "list", "nambu": "list", "noise_hamiltonians": "list",
     "structure": "entries", "noise_structures": "list of entries", "invariants": "names",
@@ -106,7 +110,8 @@ def _like_a_term(value: Any) -> bool:
 
 
 def _without_terms(data: Any) -> Any:
-    """Replace each list of terms by [] and validate it here, because a validator of schemas is slow.
+    """Replace each list of terms by [] and validate it here,
+    because a validator of schemas is slow.
 
     Raises a ProblemError for the first term that does not obey the schema.
     """
@@ -137,7 +142,9 @@ def _emptied(value: Any, kind: str, place: str) -> Any:
 
 
 def _is_term(term: Any) -> bool:
-    """True for a term [exponents, coefficient] that obeys the schema; False if a validator must decide."""
+    """True for a term [exponents, coefficient] that obeys the schema;
+    False if a validator must decide.
+    """
     if not _like_a_term(term) or not all(type(e) is int and 0 <= e <= poly.MAX_DEGREE for e in term[0]):
         return False
     try:
@@ -148,10 +155,12 @@ def _is_term(term: Any) -> bool:
 
 
 def problem_to_json(data: Description) -> dict[str, Any]:
-    """The JSON object of a description: {"name", "parameters"}, polynomial data, or {"given"} for functions.
+    """The JSON object of a description: {"name", "parameters"}, polynomial data,
+    or {"given"} for functions.
 
-    Floats are in hex. For a problem given by Python functions, "given" is its name on the command line, and "noise"
-    lists its c_j. If the command line has no name for it, "given" is empty, and "object" is the problem's `name`.
+    Floats are in hex. For a problem given by Python functions, "given" is its name on the command
+    line, and "noise" lists its c_j. If the command line has no name for it, "given" is empty, and
+    "object" is the problem's `name`.
     """
     if isinstance(data, GivenProblem):
         record = {"given": data.target, "noise": _row(data.problem.c)}

@@ -1,4 +1,5 @@
-"""Mechanical systems, H = ½ pᵀM⁻¹p + V(q) with a constant mass matrix M and B = J, split into M, V and derivatives.
+"""Mechanical systems, H = ½ pᵀM⁻¹p + V(q) with a constant mass matrix M and B = J, split into M,
+V and derivatives.
 
     q̇ = M⁻¹p,  ṗ = −∇V(q);  with v = M⁻¹p:  q̇ = v,  Mv̇ = −∇V(q)
 
@@ -20,7 +21,8 @@ from sepv.problem._problem import PolynomialSystem, Problem
 
 @dataclass(frozen=True, eq=False)
 class Mechanics:
-    """The parts of a mechanical system of n degrees of freedom, for states (2n, ...) and q, p, v of shape (n, ...).
+    """The parts of a mechanical system of n degrees of freedom, for states (2n, ...) and q, p,
+    v of shape (n, ...).
 
     Attributes
     ----------
@@ -41,7 +43,8 @@ class Mechanics:
     ...     p = p + dt / 2 * system.force(q)
     ...     q = q + dt * system.velocity(p)
     ...     return system.join(q, p + dt / 2 * system.force(q))
-    >>> scheme = sepv.Scheme("verlet", verlet, claims=["poisson-map:constant", "symmetry"], systems="mechanical")
+    >>> claims = ["poisson-map:constant", "symmetry"]
+    >>> scheme = sepv.Scheme("verlet", verlet, claims=claims, systems="mechanical")
     >>> sepv.verify(scheme, laws="symmetry").finding("symmetry").verdict.text
     'holds'
     """
@@ -89,15 +92,17 @@ def _product(A: Array, v: Array) -> Array:
 
 @lru_cache(maxsize=1024)
 def mechanics(problem: Problem) -> Mechanics:
-    """The `Mechanics` of a mechanical problem: mass matrix, potential and force, computed once for each problem.
+    """The `Mechanics` of a mechanical problem: mass matrix, potential and force,
+    computed once for each problem.
 
-    The noises do not matter here: they act through the step Δ = h + Σ c_jΔW_j (`Problem.random_step`).
+    The noises do not matter here: they act through the step Δ = h + Σ c_jΔW_j
+    (`Problem.random_step`).
 
     Raises
     ------
     UsageError
-        If B is neither J nor −J, or H is not ½ pᵀM⁻¹p + V(q). The form of H is tested at a few states, and for
-        polynomial data term by term too.
+        If B is neither J nor −J, or H is not ½ pᵀM⁻¹p + V(q). The form of H is tested at a few
+        states, and for polynomial data term by term too.
     """
     d = problem.dimension
     n, states = d // 2, [np.asarray(y, dtype=np.float64) for y in sample_states(problem)]
@@ -145,7 +150,9 @@ def mechanics(problem: Problem) -> Mechanics:
 
 
 def _inverted(W: Array) -> Array:
-    """The inverse of the matrix W, refined in long double, so that entries with few bits are exact."""
+    """The inverse of the matrix W, refined in long double, so that entries with few bits are
+    exact.
+    """
     wide, inverse = W.astype(np.longdouble), np.linalg.inv(W).astype(np.longdouble)
     for _ in range(2):
         inverse = inverse + inverse @ (np.eye(len(W)) - wide @ inverse)

@@ -1,7 +1,8 @@
-"""Systems in three dimensions given by two invariants: B(y)v = g(y) (v × ∇C(y)), so that f = g ∇H × ∇C.
+"""Systems in three dimensions given by two invariants: B(y)v = g(y) (v × ∇C(y)),
+so that f = g ∇H × ∇C.
 
-Near a point where it does not vanish, every Poisson structure in dimension three has this form (Nambu's form), and C is
-its Casimir. C and g may be any functions, quadratic or not.
+Near a point where it does not vanish, every Poisson structure in dimension three has this form
+(Nambu's form), and C is its Casimir. C and g may be any functions, quadratic or not.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from sepv.problem._derived import Function, derivatives, to_be_derived
 
 @dataclass(frozen=True)
 class Nambu:
-    """The Casimir C and the factor g of a problem in dimension three, whose B is B(y)v = g(y)(v × ∇C(y)).
+    """The Casimir C and the factor g of a problem in dimension three,
+    whose B is B(y)v = g(y)(v × ∇C(y)).
 
     Attributes
     ----------
@@ -30,7 +32,8 @@ class Nambu:
     mean_gradient : callable, optional
         (y0, y1) -> ∫₀¹∇C(y0 + τ(y1 − y0))dτ, exact to rounding.
     degree : int, optional
-        The degree of a polynomial C. If neither `degree` nor `mean_gradient` is given, adaptive quadrature averages ∇C.
+        The degree of a polynomial C. If neither `degree` nor `mean_gradient` is given, adaptive
+        quadrature averages ∇C.
     """
 
     factor: Function

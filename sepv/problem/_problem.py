@@ -1,7 +1,8 @@
 """The problem record: dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j), equation (1.1) with m noises (§1).
 
-The first axis of every array is that of components: a state is an array `(d,)`, a batch of M states `(d, M)`, and B(y)
-is `(d, d)` or `(d, d, M)`. A function of indexing and NumPy's elementwise functions accepts a state and a batch alike.
+The first axis of every array is that of components: a state is an array `(d,)`, a batch of M states
+`(d, M)`, and B(y) is `(d, d)` or `(d, d, M)`. A function of indexing and NumPy's elementwise
+functions accepts a state and a batch alike.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ from sepv.problem._stated import Stated
 from sepv.record import Polynomial
 
 Flow = Callable[[Array, Array], Array]
-# The functions that make up a problem. The first three are always set: `to_be_derived` marks a `gradient` not given.
+# The functions that make up a problem. The first three are always set: `to_be_derived` marks a
+# `gradient` not given.
 _FUNCTIONS = (
     "structure", "hamiltonian", "gradient", "hessian", "structure_derivative", "mean_gradient", "domain",
 )  # fmt: skip
@@ -38,14 +40,17 @@ Matrix = tuple[tuple[float, ...], ...]
 
 
 class Systems(StrEnum):
-    """The classes of systems for which schemes are made; a text such as "single" may stand for a class.
+    """The classes of systems for which schemes are made;
+    a text such as "single" may stand for a class.
 
     single
         (1.1): dy = B(y)∇H(y)(dt + Σ c_j∘dW_j).
     nambu
-        (1.1) in dimension three with B(y)v = g(y)(v × ∇C(y)) for a Casimir C and a factor g: `Problem.nambu`.
+        (1.1) in dimension three with B(y)v = g(y)(v × ∇C(y)) for a Casimir C and a factor g:
+        `Problem.nambu`.
     several
-        A structure G_j for each noise, or Hamiltonians H_j with {H_0, H_j} = ∇H_0ᵀB∇H_j = 0. The flow keeps H.
+        A structure G_j for each noise, or Hamiltonians H_j with {H_0, H_j} = ∇H_0ᵀB∇H_j = 0. The
+        flow keeps H.
     hamiltonians
         A Hamiltonian H_j for each noise, whether or not {H_0, H_j} = 0.
 
@@ -54,24 +59,29 @@ class Systems(StrEnum):
     canonical-separable
         (1.1) with H = T(p) + V(q), y = (p, q) and B = J⁻¹, where J = [[0, I], [−I, 0]].
     mechanical
-        (1.1) with H = ½ pᵀM⁻¹p + V(q), y = (q, p), positions first, and B = J: `sepv.problem.mechanics`.
+        (1.1) with H = ½ pᵀM⁻¹p + V(q), y = (q, p), positions first, and B = J:
+        `sepv.problem.mechanics`.
     lie-poisson
         (1.1) with B linear in y.
     rigid-bodies
         The rigid body of the paper's §4.2 with a random inertia tensor, H = ½ yᵀI⁻¹y.
     principal-bodies
-        Rigid bodies in their principal axes, H = ½ Σ y_k²/I_k, for schemes that read three moments of inertia.
+        Rigid bodies in their principal axes, H = ½ Σ y_k²/I_k, for schemes that read three moments
+        of inertia.
     matrix-hamiltonians
         Several Hamiltonians with B of a Lie algebra of matrices: so(3), so(4) or su(3).
     separable-hamiltonians
         H_0 = ½ Σ w_k p_k² + V(q), and noise that is additive in p.
     additive
-        dy = B(y)∇H dt + Σ c_j g_j dW_j with constant g_j, in the image of B or not, and H quadratic along them. Some
-        problems give vectors (`sepv.problem.noise_vectors`), others linear H_j with g_j = B∇H_j.
+        dy = B(y)∇H dt + Σ c_j g_j dW_j with constant g_j, in the image of B or not, and H quadratic
+        along them. Some problems give vectors (`sepv.problem.noise_vectors`), others linear H_j
+        with g_j = B∇H_j.
     damped
-        dy = (B(y)∇H − γy) dt + Σ c_j B(y)∇H ∘dW_j with a homogeneous H (`sepv.problem.DampedProblem`).
+        dy = (B(y)∇H − γy) dt + Σ c_j B(y)∇H ∘dW_j with a homogeneous H
+        (`sepv.problem.DampedProblem`).
     friction
-        dq = M⁻¹p dt, dp = (−∇V − γp) dt + σ dW, Langevin dynamics at a temperature (`sepv.problem.friction`).
+        dq = M⁻¹p dt, dp = (−∇V − γp) dt + σ dW, Langevin dynamics at a temperature
+        (`sepv.problem.friction`).
     """
 
     SINGLE = "single"
@@ -92,7 +102,8 @@ class Systems(StrEnum):
 
 @dataclass(frozen=True)
 class PolynomialSystem:
-    """A problem as data: the polynomials H and B_ij with i < j, the coefficients of the noise, and Casimirs.
+    """A problem as data: the polynomials H and B_ij with i < j, the coefficients of the noise,
+    and Casimirs.
 
     Attributes
     ----------
@@ -103,18 +114,24 @@ class PolynomialSystem:
     linear_casimirs : tuple of vectors b
         C(y) = bᵀy is a Casimir.
     polynomial_casimirs : tuple of polynomials
-        Casimirs of B of any degree. A Casimir in `casimirs` or `linear_casimirs` need not be listed here again.
+        Casimirs of B of any degree. A Casimir in `casimirs` or `linear_casimirs` need not be listed
+        here again.
     nambu : (g, C), optional
-        For d = 3: g and C with B(y)v = g(y)(v × ∇C(y)). `structure` must be this B (`sepv.problems.nambu_system`).
+        For d = 3: g and C with B(y)v = g(y)(v × ∇C(y)). `structure` must be this B
+        (`sepv.problems.nambu_system`).
     noise_structures : tuple of structures, optional
-        G_1, …, G_m, one for each noise, each like `structure`. All Casimirs must then be common to B and all G_j.
+        G_1, …, G_m, one for each noise, each like `structure`. All Casimirs must then be common to
+        B and all G_j.
     noise_hamiltonians : tuple of polynomials, optional
-        H_1, …, H_m: several Hamiltonians (`sepv.problem.HamiltoniansProblem`), whether or not {H, H_j} = 0.
+        H_1, …, H_m: several Hamiltonians (`sepv.problem.HamiltoniansProblem`), whether or not {H,
+        H_j} = 0.
     noise_vectors : tuple of d numbers each, optional
-        g_1, …, g_m: additive noise Σ c_j g_j dW_j. Give at most one of the three attributes `noise_…`.
+        g_1, …, g_m: additive noise Σ c_j g_j dW_j. Give at most one of the three attributes
+        `noise_…`.
     damping : float or matrix
-        The rate γ of a damping −γy dt (`sepv.problem.DampedProblem`), for systems with none of the three `noise_…`; or
-        the matrix Γ of a friction −Γy dt, row by row, for systems with `noise_vectors` or without noise.
+        The rate γ of a damping −γy dt (`sepv.problem.DampedProblem`), for systems with none of the
+        three `noise_…`; or the matrix Γ of a friction −Γy dt, row by row, for systems with
+        `noise_vectors` or without noise.
     invariants : tuple of (name, polynomial)
         Other functions I with LI = σ − λI, as in `Problem`.
     """
@@ -136,7 +153,9 @@ class PolynomialSystem:
 
 @dataclass(frozen=True)
 class NamedProblem:
-    """A built-in problem, such as the four problems of the paper, given by its name and its parameters."""
+    """A built-in problem, such as the four problems of the paper,
+    given by its name and its parameters.
+    """
 
     name: str
     parameters: tuple[tuple[str, tuple[float, ...]], ...] = ()
@@ -144,7 +163,8 @@ class NamedProblem:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Problem(Stated):
-    """A stochastic Poisson system dy = B(y)∇H(y)(dt + Σ_j c_j∘dW_j), (1.1), with the functions that a scheme needs.
+    """A stochastic Poisson system dy = B(y)∇H(y)(dt + Σ_j c_j∘dW_j), (1.1),
+    with the functions that a scheme needs.
 
     Parameters
     ----------
@@ -153,9 +173,10 @@ class Problem(Stated):
     structure : callable, (d, ...) -> (d, d, ...), or matrix (d, d)
         The structure matrix B(y), skew-symmetric, or B itself if it is constant.
     hamiltonian : callable, (d, ...) -> (...)
-        H. If H and B consist of arithmetic, indexing and NumPy's elementwise functions, nothing else is needed: both
-        are called once with symbols, and ∇H and other parts not given below are derived. A
-        function of one state alone, such as ``lambda y: y @ y``, is turned into one of batches in the same way.
+        H. If H and B consist of arithmetic, indexing and NumPy's elementwise functions, nothing
+        else is needed: both are called once with symbols, and ∇H and other parts not given below
+        are derived. A function of one state alone, such as ``lambda y: y @ y``, is turned into one
+        of batches in the same way.
     gradient : callable, (d, ...) -> (d, ...), optional
         ∇H. If it is given, it is compared with H, and no other part is derived.
     noise : array_like, shape (m,)
@@ -165,16 +186,18 @@ class Problem(Stated):
     linear_casimirs : sequence of (d,) vectors b
         Linear Casimirs C(y) = bᵀy.
     invariants : mapping of names to callables, (d, ...) -> (...)
-        Other functions I that the exact flow keeps, or whose mean grows or decays at a constant rate: LI = σ − λI with
-        the generator L, such as momenta. They are recorded, as H is. The law *invariant* is about them.
+        Other functions I that the exact flow keeps, or whose mean grows or decays at a constant
+        rate: LI = σ − λI with the generator L, such as momenta. They are recorded, as H is. The law
+        *invariant* is about them.
     hessian, structure_derivative : callable, optional
-        H″ and B′: (d, ...) -> (d, d, ...) and (d, ...) -> (d, d, d, ...), with ∂B_ij/∂y_k at [i, j, k].
-        With both, Newton's Jacobian is analytic. Otherwise it is formed from differences.
+        H″ and B′: (d, ...) -> (d, d, ...) and (d, ...) -> (d, d, d, ...), with ∂B_ij/∂y_k at [i, j,
+        k]. With both, Newton's Jacobian is analytic. Otherwise it is formed from differences.
     mean_gradient : callable, optional
         (y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ in closed form, exact to rounding also as y1 → y0.
     degree : int, optional
-        The degree of a polynomial H: Gauss-Legendre quadrature with ⌈degree/2⌉ nodes is then exact. If neither
-        `mean_gradient` nor `degree` is given or derived, the average of ∇H is found by adaptive quadrature.
+        The degree of a polynomial H: Gauss-Legendre quadrature with ⌈degree/2⌉ nodes is then exact.
+        If neither `mean_gradient` nor `degree` is given or derived, the average of ∇H is found by
+        adaptive quadrature.
     domain : callable, optional
         (d, ...) -> (...) of bool: True for the states at which H and B are defined.
     initial : array_like, shape (d,), optional
@@ -182,23 +205,27 @@ class Problem(Stated):
     name : str
         The name in tables and messages.
     data : PolynomialSystem or NamedProblem, optional
-        The same problem as numbers instead of functions. `sepv.problems` sets it; do not set it by hand.
+        The same problem as numbers instead of functions. `sepv.problems` sets it; do not set it by
+        hand.
     nambu : Nambu, optional
         For d = 3: the Casimir C and the factor g with B(y)v = g(y)(v × ∇C(y)).
     longest_step : float, optional
-        The largest |h| + Σ|c_jΔW_j| for which every scheme is known to have a solution, from states near the initial
-        one. If it is given, studies choose their steps by this bound, and the steps of laws do not exceed it.
+        The largest |h| + Σ|c_jΔW_j| for which every scheme is known to have a solution, from states
+        near the initial one. If it is given, studies choose their steps by this bound, and the
+        steps of laws do not exceed it.
     flows : sequence of callables (y, t) -> (d, ...), optional
-        Exact flows of B∇H_k at times t (...), for parts H_k with H = ΣH_k: splitting methods need them.
+        Exact flows of B∇H_k at times t (...), for parts H_k with H = ΣH_k: splitting methods need
+        them.
     check : bool
-        True (default) compares the parts with each other at a few states. Generated and built-in problems leave this
-        check to tests.
+        True (default) compares the parts with each other at a few states. Generated and built-in
+        problems leave this check to tests.
 
     Raises
     ------
     ProblemError
-        If B is not skew, `gradient` is not that of H, a yᵀAy or bᵀy is not a Casimir, LI is not σ − λI for one of the
-        `invariants`, or a shape is wrong. The message names the component and both values.
+        If B is not skew, `gradient` is not that of H, a yᵀAy or bᵀy is not a Casimir, LI is not σ
+        − λI for one of the `invariants`, or a shape is wrong. The message names the component and
+        both values.
 
     Examples
     --------
@@ -218,7 +245,8 @@ class Problem(Stated):
     >>> path = sepv.integrate("energy-preserving", problem, h=0.125, T=1.0)
     >>> bool(np.ptp(problem.hamiltonian(path.y)) < 1e-14)
     True
-    >>> sepv.verify("energy-preserving", laws="energy", problems=problem).finding("energy").verdict.text
+    >>> report = sepv.verify("energy-preserving", laws="energy", problems=problem)
+    >>> report.finding("energy").verdict.text
     'holds'
     """
 
@@ -278,18 +306,24 @@ class Problem(Stated):
         self._checked_invariants(check and type(self).__post_init__ is Problem.__post_init__)
 
     def _checked_invariants(self, check: bool) -> None:
-        """Raise a ProblemError for a function in `invariants` that has no LI = σ − λI, if `check` is True."""
+        """Raise a ProblemError for a function in `invariants` that has no LI = σ − λI,
+        if `check` is True.
+        """
         from sepv.problem._invariants import require_invariants
 
         if check:
             require_invariants(self)
 
     def derivative_along(self, y: Array, v: Array) -> Array:
-        """The derivative f′(y)v of the field f = B∇H, (d, ...): analytic, else by differences of high order."""
+        """The derivative f′(y)v of the field f = B∇H, (d, ...): analytic,
+        else by differences of high order.
+        """
         return derivative_along(self, y, v)
 
     def _repr_html_(self) -> str:
-        """A table for a notebook: the name, the dimension, the noise, the initial state, the known parts."""
+        """A table for a notebook: the name, the dimension, the noise, the initial state,
+        the known parts.
+        """
         rows = [
             ("dimension", str(self.dimension)),
             ("noise c_j", few(self.c)),
@@ -304,7 +338,9 @@ class Problem(Stated):
         return [name for name in names if getattr(self, name)]
 
     def __repr__(self) -> str:
-        """One line: the name, the dimension, the noise, the initial state, and which parts are known."""
+        """One line: the name, the dimension, the noise, the initial state,
+        and which parts are known.
+        """
         start = "" if self.initial is None else f", initial {few(np.asarray(self.initial))}"
         casimirs = len(self.casimirs) + len(self.linear_casimirs)
         known = self._known_parts()
@@ -322,7 +358,9 @@ def few(values: Array) -> str:
 
 
 def require_one_for_each_noise(problem: Problem, key: str, each: str) -> None:
-    """Raise a ProblemError unless the attribute `key` has an entry for each c_j; the message calls an entry `each`."""
+    """Raise a ProblemError unless the attribute `key` has an entry for each c_j;
+    the message calls an entry `each`.
+    """
     count = len(getattr(problem, key))
     if count != problem.noises:
         raise ProblemError(
@@ -333,7 +371,9 @@ def require_one_for_each_noise(problem: Problem, key: str, each: str) -> None:
 
 
 def _check_kinds(problem: Problem) -> None:
-    """Check the types of a problem's attributes, and that its functions accept the arguments of their calls."""
+    """Check the types of a problem's attributes, and that its functions accept the arguments of
+    their calls.
+    """
     for key in _FUNCTIONS:
         function, arguments = getattr(problem, key), "y0, y1" if key == "mean_gradient" else "y"
         if function is None and key not in _FUNCTIONS[:3]:
@@ -383,7 +423,9 @@ def _check_kinds(problem: Problem) -> None:
 
 
 def coefficients(noise: ArrayLike) -> Array:
-    """Convert `noise` to an array (m,). Raises ProblemError unless all its entries are finite numbers c_j ≥ 0."""
+    """Convert `noise` to an array (m,). Raises ProblemError unless all its entries are finite
+    numbers c_j ≥ 0.
+    """
     c = _numbers("noise", noise)
     for right, expected, remedy in (
         (np.all(np.isfinite(c)), "finite coefficients c_j", "give a number for each noise, or () for none"),
@@ -408,7 +450,9 @@ def coefficients(noise: ArrayLike) -> Array:
 
 
 def _numbers(key: str, value: ArrayLike) -> Array:
-    """Copy a value to an array of numbers. Raises ProblemError, which names the attribute `key`, for other entries."""
+    """Copy a value to an array of numbers. Raises ProblemError, which names the attribute `key`,
+    for other entries.
+    """
     try:
         return floats(key, value).copy()
     except UsageError as error:
@@ -416,7 +460,9 @@ def _numbers(key: str, value: ArrayLike) -> Array:
 
 
 def constant(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """The value of the attribute `key` as a read-only array; ProblemError unless it is finite and has this `shape`."""
+    """The value of the attribute `key` as a read-only array;
+    ProblemError unless it is finite and has this `shape`.
+    """
     array = _numbers(key, value)
     if array.shape == shape and not np.all(np.isfinite(array)):
         raise ProblemError(
@@ -440,7 +486,9 @@ def constant(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 @dataclass(frozen=True)
 class GivenProblem:
-    """A user's problem, given by Python functions; `target` is the text that names it on the command line, if any."""
+    """A user's problem, given by Python functions; `target` is the text that names it on the
+    command line, if any.
+    """
 
     problem: Problem
     target: str = ""

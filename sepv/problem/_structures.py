@@ -1,26 +1,28 @@
-"""Systems with a skew structure for each noise, dy = B(y)∇H dt + Σ_j c_j G_j(y)∇H ∘dW_j (Cohen and Dujardin, §1).
+"""Systems with a skew structure for each noise, dy = B(y)∇H dt + Σ_j c_j G_j(y)∇H ∘dW_j (Cohen and
+Dujardin, §1).
 
-The flow keeps H and every Casimir common to B and all G_j. A scheme holds the increments of a step fixed, and
-solves dy = A(y)∇H dt over the time 1 with the structure A = h B + Σ_j c_j ΔW_j G_j.
+The flow keeps H and every Casimir common to B and all G_j. A scheme holds the increments of a step
+fixed, and solves dy = A(y)∇H dt over the time 1 with the structure A = h B + Σ_j c_j ΔW_j G_j.
 
-A system with several Hamiltonians, dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j, has this form if all {H_0, H_j} = 0.
-Let v = B∇H_j and w = ∇H_0, so that vᵀw = {H_0, H_j} = 0. Then S_j = (v wᵀ − w vᵀ)/|w|² has S_j∇H_0 = B∇H_j.
-If w is only the part of ∇H_0 orthogonal to the gradients of all Casimirs C of B, S_j∇H_0 is still v, and each
-C is a Casimir of S_j.
+A system with several Hamiltonians, dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j, has this form if all {H_0,
+H_j} = 0. Let v = B∇H_j and w = ∇H_0, so that vᵀw = {H_0, H_j} = 0. Then S_j = (v wᵀ − w vᵀ)/|w|²
+has S_j∇H_0 = B∇H_j. If w is only the part of ∇H_0 orthogonal to the gradients of all Casimirs C of
+B, S_j∇H_0 is still v, and each C is a Casimir of S_j.
 
-**Critical points of H_0.** At a state with w = 0 and v ≠ 0 no such S_j exists. The exact flows of the H_j
-keep the set {w = 0}, and move a solution inside this set. A scheme that multiplies S_j by an average m of
-∇H_0 cannot follow that motion. Let v, w and S_j be evaluated at the midpoint ȳ of the step, and m = w + e.
-Then vᵀw = 0 gives
+**Critical points of H_0.** At a state with w = 0 and v ≠ 0 no such S_j exists. The exact flows of
+the H_j keep the set {w = 0}, and move a solution inside this set. A scheme that multiplies S_j by
+an average m of ∇H_0 cannot follow that motion. Let v, w and S_j be evaluated at the midpoint ȳ of
+the step, and m = w + e. Then vᵀw = 0 gives
 
     S_j m − v = (v (wᵀe) − w (vᵀe))/|w|²,      |S_j m − v| ≤ |v| |e|/|w|.
 
-For smooth H_0, |e| ≤ |H_0‴| |y1 − y0|²/24; for quadratic H_0, |e| is a rounding of ∇H_0. S_j m approximates
-v = B∇H_j only if |e| is far below |w|. Near a curved set of critical points |e| and |w| have the same size,
-however small the step. An example in the plane is H_0 = ½(I − 1)², H_1 = I with I = ½|y|²: for y0 and y1 with
-the same I = I_0, m = (I_0 − 1 − |y1 − y0|²/12)ȳ and w = (I_0 − 1 − |y1 − y0|²/8)ȳ. With I_0 = 1, m = ⅔w, so
-that a step turns by two thirds of the exact angle for every h. Therefore |S_j m − v| is computed for each
-solved step (`CommutingStructure.missed`), and the step fails if this distance exceeds a quarter of |v|.
+For smooth H_0, |e| ≤ |H_0‴| |y1 − y0|²/24; for quadratic H_0, |e| is a rounding of ∇H_0. S_j m
+approximates v = B∇H_j only if |e| is far below |w|. Near a curved set of critical points |e| and
+|w| have the same size, however small the step. An example in the plane is H_0 = ½(I − 1)², H_1 = I
+with I = ½|y|²: for y0 and y1 with the same I = I_0, m = (I_0 − 1 − |y1 − y0|²/12)ȳ and w = (I_0 − 1
+− |y1 − y0|²/8)ȳ. With I_0 = 1, m = ⅔w, so that a step turns by two thirds of the exact angle for
+every h. Therefore |S_j m − v| is computed for each solved step (`CommutingStructure.missed`), and
+the step fails if this distance exceeds a quarter of |v|.
 """
 
 from __future__ import annotations
@@ -45,27 +47,29 @@ from sepv.problem._products import dot
 ClosedForm = Callable[[Array, float, Array], Array]
 # The largest {H_0, H_j} relative to |∇H_0||B∇H_j| that counts as zero: a few hundred roundings.
 BRACKET_TOLERANCE = 1e-12
-# The largest error |S_j∇̄H_0 − B∇H_j| that a step may have, relative to |B∇H_j|. Next to a curved set of
-# nondegenerate critical points this error is 1/3 for every h: over a chord ∇̄H_0 is the mean of a parabola,
-# 1/12, and w is its value in the middle, 1/8. Elsewhere it is of the order of |y1 − y0|², and a step with an
-# error of 1/4 is useless anyway.
+# The largest error |S_j∇̄H_0 − B∇H_j| that a step may have, relative to |B∇H_j|. Next to a curved
+# set of nondegenerate critical points this error is 1/3 for every h: over a chord ∇̄H_0 is the mean
+# of a parabola, 1/12, and w is its value in the middle, 1/8. Elsewhere it is of the order of |y1
+# − y0|², and a step with an error of 1/4 is useless anyway.
 MISSED_MAX_SHARE = 0.25
-# S_j counts as undefined if w is below its rounding, the first factor times the terms of w, but v is above
-# the second factor times the terms of v. The margin is wide because both w and v vanish next to an isolated
-# critical point.
+# S_j counts as undefined if w is below its rounding, the first factor times the terms of w, but v
+# is above the second factor times the terms of v. The margin is wide because both w and v vanish
+# next to an isolated critical point.
 ROUNDING_OF_W, ROUNDING_OF_V = 16 * EPS, 1024 * EPS
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StructuresProblem(Problem):
-    """A system dy = B∇H dt + Σ_j c_j G_j∇H ∘dW_j; `structure`, `hamiltonian` and other parts are those of the drift.
+    """A system dy = B∇H dt + Σ_j c_j G_j∇H ∘dW_j; `structure`,
+    `hamiltonian` and other parts are those of the drift.
 
     Parameters
     ----------
     noise_structures : callables, (d, ...) -> (d, d, ...), or constant matrices (d, d)
         G_1, …, G_m, one for each coefficient in `noise`.
     noise_structure_derivatives : callables, optional
-        ∂G_ij/∂y_k at [i, j, k] for each G. Without them Newton's Jacobian is formed from differences.
+        ∂G_ij/∂y_k at [i, j, k] for each G. Without them Newton's Jacobian is formed from
+        differences.
     closed_form : callable (y0, T, W) -> (d, M), optional
         The exact solution y(T) from y0 with W = W(T), (m, M), if the flows commute.
     casimirs, linear_casimirs
@@ -130,7 +134,9 @@ class StructuresProblem(Problem):
         return tuple(gradients)
 
     def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
-        """Raise UsageError: a step has the random length Δ = h + Σ c_j ΔW_j for a single structure only."""
+        """Raise UsageError: a step has the random length Δ = h + Σ c_j ΔW_j for a single structure
+        only.
+        """
         raise UsageError(
             expected="a scheme for several structures, such as several-structures",
             received=f"a scheme that reduces the noise of {self.name} to one random step",
@@ -139,7 +145,8 @@ class StructuresProblem(Problem):
 
 
 def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array) -> np.ndarray:
-    """True for paths, (M,), whose step has |S_j∇̄H_0 − B∇H_j| > MISSED_MAX_SHARE |B∇H_j| for some noise j.
+    """True for paths, (M,), whose step has |S_j∇̄H_0 − B∇H_j| > MISSED_MAX_SHARE |B∇H_j| for some
+    noise j.
 
     `mean` (d, M) is the averaged gradient ∇̄H_0, and `parts` (1 + m, M) holds h and the c_j ΔW_j.
     """
@@ -157,19 +164,20 @@ def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array)
 def noise_structures(problem: Problem) -> Sequence[Function]:
     """The structures G_1, …, G_m of the m noises; for a problem with a single structure, each is B.
 
-    Raises UsageError for several Hamiltonians that do not commute with H_0, because they have no such
-    structures.
+    Raises UsageError for several Hamiltonians that do not commute with H_0, because they have no
+    such structures.
     """
     return problem.structures[1:]
 
 
 @dataclass(frozen=True)
 class CommutingStructure:
-    """The structure S_j(y) = (v wᵀ − w vᵀ)/|w|² with S_j∇H_0 = B∇H_j, for a Hamiltonian H_j that commutes with H_0.
+    """The structure S_j(y) = (v wᵀ − w vᵀ)/|w|² with S_j∇H_0 = B∇H_j,
+    for a Hamiltonian H_j that commutes with H_0.
 
-    Here v = B∇H_j, and w is the part of ∇H_0 orthogonal to the Casimirs' gradients. Where w is zero to
-    rounding, S_j is NaN if v is not zero, and 0 if v is zero to rounding too, because such a state does not
-    move.
+    Here v = B∇H_j, and w is the part of ∇H_0 orthogonal to the Casimirs' gradients. Where w is zero
+    to rounding, S_j is NaN if v is not zero, and 0 if v is zero to rounding too, because such a
+    state does not move.
     """
 
     structure: Function
@@ -198,7 +206,9 @@ class CommutingStructure:
         return matvec(self.structure(y), self.noise_gradient(y))
 
     def missed(self, y: Array, mean: Array) -> tuple[Array, Array, Array]:
-        """Three maximum norms (M,) at y, for v = B∇H_j: the error |S_j(y) mean − v|, |v|, and the rounding of v."""
+        """Three maximum norms (M,) at y, for v = B∇H_j: the error |S_j(y) mean − v|, |v|,
+        and the rounding of v.
+        """
         v = self.field(y)
         apart = np.abs(matvec(self(y), mean) - v).max(axis=0)
         return apart, np.abs(v).max(axis=0), ROUNDING_OF_V * self._terms(y).max(axis=0)
@@ -213,7 +223,9 @@ class CommutingStructure:
         return tangent
 
     def majorant(self, y: Array) -> Array:
-        """The scale 2(M_v M_wᵀ + M_w M_vᵀ)/|w|² of roundings of S_j, where M_v, M_w sum the |terms| of v and ∇H_0."""
+        """The scale 2(M_v M_wᵀ + M_w M_vᵀ)/|w|² of roundings of S_j, where M_v,
+        M_w sum the |terms| of v and ∇H_0.
+        """
         B, g, G = (majorant(f, y) for f in (self.structure, self.gradient, self.noise_gradient))
         w = self.tangent(y, self.gradient(y))
         square, v = dot(w, w), matvec(B, G)
@@ -231,7 +243,8 @@ def commuting_hamiltonians(
     data: Any = None,
     check: bool = True,
 ) -> StructuresProblem:
-    """The problem dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j with {H_0, H_j} = 0, from `drift`, a problem with B and H_0.
+    """The problem dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j with {H_0, H_j} = 0, from `drift`,
+    a problem with B and H_0.
 
     Parameters
     ----------
@@ -240,14 +253,14 @@ def commuting_hamiltonians(
     closed_form : callable (y0, T, W), optional
         The exact solution, as for `StructuresProblem`.
     check : bool
-        False leaves out the check of the brackets, for example if polynomial coefficients show that they
-        vanish.
+        False leaves out the check of the brackets, for example if polynomial coefficients show that
+        they vanish.
 
     Raises
     ------
     ProblemError
-        If a bracket {H_0, H_j} = ∇H_0ᵀB∇H_j is not zero at the initial state or a state near it. The message
-        gives the value and the state.
+        If a bracket {H_0, H_j} = ∇H_0ᵀB∇H_j is not zero at the initial state or a state near it.
+        The message gives the value and the state.
     """
     for j, gradient in enumerate(gradients if check else (), 1):
         _check_bracket(drift, gradient, j)

@@ -1,4 +1,6 @@
-"""The library of problems: those of Cohen and Dujardin's paper and others by name, and polynomial problems as data."""
+"""The library of problems: those of Cohen and Dujardin's paper and others by name,
+and polynomial problems as data.
+"""
 
 from __future__ import annotations
 
@@ -80,7 +82,9 @@ HAMILTONIANS = _listed(
 
 @lru_cache(maxsize=64)
 def by_name(name: str) -> Problem:
-    """The built-in problem called `name`, with its default parameters; an underscore in `name` counts as a hyphen."""
+    """The built-in problem called `name`, with its default parameters;
+    an underscore in `name` counts as a hyphen.
+    """
     factories = PAPER | EXTENSIONS | SEVERAL | HAMILTONIANS
     factory = factories.get(str(name).replace("_", "-"))
     if factory is None:
@@ -90,7 +94,9 @@ def by_name(name: str) -> Problem:
 
 
 def build(data: Description) -> Problem:
-    """The problem that `data` describe, by a built-in name and parameters, by polynomials, or by a user's functions."""
+    """The problem that `data` describe, by a built-in name and parameters, by polynomials,
+    or by a user's functions.
+    """
     if isinstance(data, GivenProblem):
         return data.problem
     if isinstance(data, PolynomialSystem):
@@ -100,7 +106,9 @@ def build(data: Description) -> Problem:
 
 @lru_cache(maxsize=128)
 def _named(data: NamedProblem) -> Problem:
-    """A named problem, built once for each name and parameters: to record H and B takes as long as a few steps."""
+    """A named problem, built once for each name and parameters:
+    to record H and B takes as long as a few steps.
+    """
     factories = PAPER | EXTENSIONS | HAMILTONIANS
     require_one_of(
         "a problem's name", data.name, factories, "correct the name, or give the problem as polynomial data"

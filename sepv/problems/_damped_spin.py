@@ -1,13 +1,15 @@
-"""A spin with damping and a random field: the Landau-Lifshitz equation at a temperature, in Stratonovich's form.
+"""A spin with damping and a random field: the Landau-Lifshitz equation at a temperature,
+in Stratonovich's form.
 
 With the energy E(y) = −½K y₃² − b·y, damping α and a random field √(2αkT) dW along each axis,
 
-    dy = y × (∇E + α y × ∇E) dt + √(2αkT) Σ_j y × e_j ∘dW_j.                                                   (L)
+    dy = y × (∇E + α y × ∇E) dt + √(2αkT) Σ_j y × e_j ∘dW_j.                                     (L)
 
-Each field is y × ω = −hat(ω) ∇(½|y|²). So (L) is a system with a structure −hat(ω_k) for each k and the one H = ½|y|²,
-which is kept on each path. For |y| = 1 the term of α is −α∇E along the sphere, because y × (y × v) = −v for v ⊥ y. The
-density e^{−E/kT} on the sphere is stationary: its flow of probability −α p∇E − αkT ∇p is zero (J. L. García-Palacios
-and F. J. Lázaro, Phys. Rev. B 58, 1998, with a random field that enters the precession alone).
+Each field is y × ω = −hat(ω) ∇(½|y|²). So (L) is a system with a structure −hat(ω_k) for each k and
+the one H = ½|y|², which is kept on each path. For |y| = 1 the term of α is −α∇E along the sphere,
+because y × (y × v) = −v for v ⊥ y. The density e^{−E/kT} on the sphere is stationary: its flow of
+probability −α p∇E − αkT ∇p is zero (J. L. García-Palacios and F. J. Lázaro, Phys. Rev. B 58, 1998,
+with a random field that enters the precession alone).
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ def damped_spin(
     field: Sequence[float] = (0.0, 0.25, 0.5),
     anisotropy: float = 1.0,
 ) -> Problem:
-    """A spin with damping α and field noise at kT; E = −½K y₃² − b·y, from the state (0.6, 0, 0.8); H is ½|y|².
+    """A spin with damping α and field noise at kT; E = −½K y₃² − b·y, from the state (0.6, 0, 0.8);
+    H is ½|y|².
 
     Raises
     ------

@@ -12,11 +12,14 @@ from sepv.problems._common import named, structure
 
 
 def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
-    """The planar Kepler problem for y = (p1, p2, q1, q2), q ≠ 0, from the pericentre of an orbit of semi-major axis 1.
+    """The planar Kepler problem for y = (p1, p2, q1, q2), q ≠ 0,
+    from the pericentre of an orbit of semi-major axis 1.
 
-    The average of ∂H/∂q = q/|q|³ over a segment from q0 to q1 is, up to its sign, the field at the origin of a uniform
-    charge on this segment. It equals 2u/(|q0||q1||u|²) with u = q0/|q0| + q1/|q1|, so that no digits cancel as q1 → q0.
-    For a segment near the origin it grows like 1/|u|. Only its component along the segment enters the change of H.
+    The average of ∂H/∂q = q/|q|³ over a segment from q0 to q1 is, up to its sign, the
+    field at the origin of a uniform charge on this segment. It equals 2u/(|q0||q1||u|²)
+    with u = q0/|q0| + q1/|q1|, so that no digits cancel as q1 → q0. For a segment near
+    the origin it grows like 1/|u|. Only its component along the segment enters the change
+    of H.
     """
     if not is_number(eccentricity) or not 0 <= eccentricity < 1:
         raise ProblemError(
@@ -54,8 +57,9 @@ def mean_attraction(q0: Array, q1: Array) -> Array:
     u = np.stack([q0[0] / r0 + q1[0] / r1, q0[1] / r0 + q1[1] / r1])
     opening = u[0] * u[0] + u[1] * u[1]  # 2(1 + cos φ) for the angle φ between q0 and q1
     force = 2 * u / (r0 * r1 * opening)
-    # If φ exceeds 120°, digits of u cancel. The part along b = q1 − q0 is then computed from 1/r0 − 1/r1. The other
-    # part is perpendicular to b in every digit, so that it does no work, however inaccurate it is.
+    # If φ exceeds 120°, digits of u cancel. The part along b = q1 − q0 is then computed from 1/r0
+    # − 1/r1. The other part is perpendicular to b in every digit, so that it does no work, however
+    # inaccurate it is.
     b, middle = q1 - q0, q1 + q0
     square = np.where(opening < 1, b[0] * b[0] + b[1] * b[1], 1.0)
     along = (b[0] * middle[0] + b[1] * middle[1]) / (r0 * r1 * (r0 + r1)) / square

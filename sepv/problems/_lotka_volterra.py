@@ -1,4 +1,6 @@
-"""Lotka-Volterra systems in three species, with one noise (§4.4 of Cohen and Dujardin's paper) or independent ones."""
+"""Lotka-Volterra systems in three species, with one noise (§4.4 of Cohen and Dujardin's paper)
+or independent ones.
+"""
 
 from __future__ import annotations
 
@@ -21,11 +23,13 @@ def lotka_volterra(
     mu: float = 2.0,
     noise: ArrayLike = 0.5,
 ) -> Problem:
-    """The stochastic Lotka-Volterra system in three species, from §4.4 of Cohen and Dujardin's paper.
+    """The stochastic Lotka-Volterra system in three species,
+    from §4.4 of Cohen and Dujardin's paper.
 
-    B_12 = d y1y2, B_13 = bd y1y3, B_23 = −y2y3; H = ab y1 + y2 − a y3 + ν ln y2 − μ ln y3, in the octant y > 0.
-    The initial state is (1, 1.9, 0.5). The Casimir ln y1 + bd ln y2 − d ln y3 is not quadratic, so that the paper's
-    scheme (2.1) does not keep it. The default parameters, with c = 0.5, are those of §4.4.
+    B_12 = d y1y2, B_13 = bd y1y3, B_23 = −y2y3; H = ab y1 + y2 − a y3 + ν ln y2 − μ ln y3, in the
+    octant y > 0. The initial state is (1, 1.9, 0.5). The Casimir ln y1 + bd ln y2 − d ln y3 is
+    not quadratic, so that the paper's scheme (2.1) does not keep it. The default parameters, with
+    c = 0.5, are those of §4.4.
     """
     if not all(is_number(v) for v in (a, b, d, nu, mu)):
         raise ProblemError(
@@ -53,7 +57,8 @@ def lotka_volterra(
         domain=lambda y: np.all(y > 0, axis=0),
         initial=(1.0, 1.9, 0.5),
         flows=flows(3, structure, parts),
-        # At some states of the orbit a step beyond Δ = 0.267 has no solution (`sepv solvability`); 2⁻⁵ is an eighth.
+        # At some states of the orbit a step beyond Δ = 0.267 has no solution (`sepv solvability`);
+        # 2⁻⁵ is an eighth.
         longest_step=2.0**-5,
         # B(y)v = −y1y2y3 (v × ∇C).
         nambu=Nambu(
@@ -66,12 +71,14 @@ def lotka_volterra(
 def random_lotka_volterra(
     beta: ArrayLike = (0.5, -0.5, 0.25), noise: ArrayLike = (0.125, 0.0625, 0.125), **parameters: float
 ) -> Problem:
-    """Lotka-Volterra in three species with independent noises: B and H_0 of `lotka_volterra`, H_j = y_j + β_j ln y_j.
+    """Lotka-Volterra in three species with independent noises: B and H_0 of `lotka_volterra`,
+    H_j = y_j + β_j ln y_j.
 
-    The initial state is (1, 1.9, 0.5), and noise j belongs to species j. The flow of dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j
-    ∘dW_j) keeps the Casimir of B, and all components stay positive. Q. Liu and L. Wang, Structure-preserving numerical
-    method for a class of stochastic Poisson systems (J. Univ. Chin. Acad. Sci. 41, 2024), treat such systems. The exact
-    flow of each H_j consists of exponentials.
+    The initial state is (1, 1.9, 0.5), and noise j belongs to species j. The flow of dy = B(y)(∇H_0
+    dt + Σ_j c_j ∇H_j ∘dW_j) keeps the Casimir of B, and all components stay positive. Q. Liu and L.
+    Wang, Structure-preserving numerical method for a class of stochastic Poisson systems (J. Univ.
+    Chin. Acad. Sci. 41, 2024), treat such systems. The exact flow of each H_j consists of
+    exponentials.
 
     Parameters
     ----------

@@ -1,13 +1,16 @@
-"""Lie algebras of matrices, so(n) and su(n), with coordinates in which B is linear with whole coefficients.
+"""Lie algebras of matrices, so(n) and su(n), with coordinates in which B is linear with whole
+coefficients.
 
-A state y stands for W = Σ y_a E_a, with a basis E_a. So y_a = ⟨E*_a, W⟩ for its dual basis E*_a and ⟨A, B⟩ = −½ tr AB.
-With M = Σ ∂H/∂y_b E*_b and B_ab(y) = ⟨E*_a, [W, E*_b]⟩, the system y′ = B(y)∇H is W′ = [W, M]. Its flow keeps the
-eigenvalues of W, so that every tr Wᵏ is a Casimir. All Casimirs of so(3) and so(4) are functions of quadratic ones
-(|y|², and the Pfaffian of so(4)). The n − 1 Casimirs of su(n) are tr W², …, tr Wⁿ.
+A state y stands for W = Σ y_a E_a, with a basis E_a. So y_a = ⟨E*_a, W⟩ for its dual basis E*_a and
+⟨A, B⟩ = −½ tr AB. With M = Σ ∂H/∂y_b E*_b and B_ab(y) = ⟨E*_a, [W, E*_b]⟩, the system y′ = B(y)∇H
+is W′ = [W, M]. Its flow keeps the eigenvalues of W, so that every tr Wᵏ is a Casimir. All Casimirs
+of so(3) and so(4) are functions of quadratic ones (|y|², and the Pfaffian of so(4)). The n − 1
+Casimirs of su(n) are tr W², …, tr Wⁿ.
 
 - so(3), n times: a 3 × 3 matrix for each block of three components of y, in which B(y)v = y × v.
 - so(n): y_jk = W_jk, j < k.
-- su(n): W = iP, P = P† with trace zero; y holds P_11, …, P_{n−1,n−1}, then the Re P_jk, then the Im P_jk, j < k.
+- su(n): W = iP, P = P† with trace zero; y holds P_11, …, P_{n−1,n−1}, then the Re P_jk, then the Im
+  P_jk, j < k.
 """
 
 from __future__ import annotations
@@ -27,7 +30,8 @@ from sepv.record import EPS, Polynomial, poly
 class MatrixAlgebra(NamedTuple):
     """A Lie algebra of n × n matrices, or the product of several `copies` of it.
 
-    `basis` (d, n, n) holds the basis E_a of one copy, and `dual` (d, n, n) its dual basis: −½ tr E*_aE_b = δ_ab.
+    `basis` (d, n, n) holds the basis E_a of one copy, and `dual` (d, n, n) its dual basis: −½ tr
+    E*_aE_b = δ_ab.
     """
 
     name: str
@@ -40,27 +44,37 @@ class MatrixAlgebra(NamedTuple):
         return _combined(self._lanes(y), self.basis)
 
     def dual_matrix(self, m: Array) -> Any:
-        """The matrices Σ_b m_b E*_b in the dual basis, (M·copies, n, n), for gradients m (copies·d, M)."""
+        """The matrices Σ_b m_b E*_b in the dual basis, (M·copies, n, n),
+        for gradients m (copies·d, M).
+        """
         return _combined(self._lanes(m), self.dual)
 
     def coordinates(self, W: Any) -> Array:
-        """The states y (copies·d, M) of matrices W (M·copies, n, n); a part of W outside the algebra is dropped."""
+        """The states y (copies·d, M) of matrices W (M·copies, n, n);
+        a part of W outside the algebra is dropped.
+        """
         d = len(self.dual)
         traces = _combined(W.reshape(len(W), -1), self.dual.swapaxes(1, 2).reshape(d, -1).T)
         return np.ascontiguousarray(-0.5 * traces.real.reshape(-1, self.copies * d).T)
 
     def _lanes(self, y: Array) -> Array:
-        """The coordinates (M·copies, d) of the matrices of states y (copies·d, M): one row for each matrix."""
+        """The coordinates (M·copies, d) of the matrices of states y (copies·d, M):
+        one row for each matrix.
+        """
         return y.T.reshape(-1, len(self.basis))
 
 
 def product(X: Any, M: Any) -> Any:
-    """The k products X M of matrices in two stacks (k, n, n), summed in the same order for every k, unlike by BLAS."""
+    """The k products X M of matrices in two stacks (k, n, n), summed in the same order for every k,
+    unlike by BLAS.
+    """
     return sum(X[:, :, k, None] * M[:, k, None, :] for k in range(X.shape[1]))
 
 
 def _combined(weights: Any, parts: Any) -> Any:
-    """The sums Σ_a weights[:, a] parts[a] for weights (k, d), summed in the same order for every k."""
+    """The sums Σ_a weights[:, a] parts[a] for weights (k, d), summed in the same order for
+    every k.
+    """
     return sum(np.multiply.outer(weights[:, a], part) for a, part in enumerate(parts))
 
 
@@ -101,7 +115,9 @@ def unitary(n: int) -> MatrixAlgebra:
 
 @lru_cache(maxsize=16)
 def constants(name: str) -> Array:
-    """The structure constants of an algebra: the whole numbers c_abc with B_ab(y) = Σ_c c_abc y_c, (d, d, d)."""
+    """The structure constants of an algebra: the whole numbers c_abc with B_ab(y) = Σ_c c_abc y_c,
+    (d, d, d).
+    """
     _, E, D, count = named(name)
     half = -0.5 * np.einsum("ajk,ckl,blj->abc", D, E, D, optimize=True).real
     one, d = np.rint(half - half.swapaxes(0, 1)), len(E)
@@ -112,7 +128,9 @@ def constants(name: str) -> Array:
 
 
 def named(name: str) -> MatrixAlgebra:
-    """The algebra called `name`, such as so(4), su(3), or 2 so(3), the product of two copies of so(3)."""
+    """The algebra called `name`, such as so(4), su(3), or 2 so(3),
+    the product of two copies of so(3).
+    """
     count, _, rest = name.rpartition(" ")
     kind, n = rest[:2], int(rest[3:-1])
     if n == 3 and kind == "so":
@@ -128,11 +146,14 @@ def candidates(d: int) -> list[str]:
 
 
 def algebra_of(problem: Problem, y: Array) -> MatrixAlgebra:
-    """The algebra of matrices whose B is the problem's B at the states y (d, M). Raises Skipped if there is none."""
+    """The algebra of matrices whose B is the problem's B at the states y (d, M).
+    Raises Skipped if there is none.
+    """
     B = problem.structure(y)
     for name in candidates(len(y)):
         c = constants(name)
-        # The two matrices may differ by a few roundings of terms, because a problem may add the terms in any order.
+        # The two matrices may differ by a few roundings of terms, because a problem may add the
+        # terms in any order.
         if np.all(np.abs(np.tensordot(c, y, 1) - B) <= 8 * EPS * np.tensordot(np.abs(c), np.abs(y), 1)):
             return named(name)
     raise Skipped(
@@ -153,7 +174,8 @@ def structure(name: str) -> Structure:
 def casimirs(name: str) -> tuple[tuple[Matrix, ...], tuple[Polynomial, ...]]:
     """The Casimirs of an algebra: the quadratic ones as matrices, and the others as polynomials.
 
-    They are −½ tr W² (of each block for so(3)). so(4) also has the Pfaffian, and su(n) tr Pᵏ for k = 3 … n, W = iP.
+    They are −½ tr W² (of each block for so(3)). so(4) also has the Pfaffian, and su(n) tr Pᵏ for
+    k = 3 … n, W = iP.
     """
     _, E, _, count = named(name)
     n = E.shape[1]
@@ -170,7 +192,9 @@ def _rows(A: Array) -> Matrix:
 
 
 def power_trace(name: str, k: int) -> Polynomial:
-    """The polynomial tr Pᵏ in y for su(n) with W = iP, from products of matrices of complex polynomials."""
+    """The polynomial tr Pᵏ in y for su(n) with W = iP,
+    from products of matrices of complex polynomials.
+    """
     P = named(name).basis / 1j
     d, n = P.shape[:2]
     one = [

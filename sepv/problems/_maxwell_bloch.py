@@ -1,8 +1,9 @@
 """The Maxwell-Bloch equations, with one noise or with a Hamiltonian for each noise.
 
-The system y1′ = y2, y2′ = y1y3, y3′ = −y1y2 is y′ = ∇C × ∇H with H = ½y1² + y3 and C = ½(y2² + y3²), so that B(y)v =
-−v × ∇C(y): see D. David and D. Holm, Multiple Lie-Poisson structures, reductions, and geometric phases for the
-Maxwell-Bloch travelling wave equations (J. Nonlinear Sci. 2, 1992).
+The system y1′ = y2, y2′ = y1y3, y3′ = −y1y2 is y′ = ∇C × ∇H with H = ½y1² + y3 and
+C = ½(y2² + y3²), so that B(y)v = −v × ∇C(y): see D. David and D. Holm, Multiple Lie-Poisson
+structures, reductions, and geometric phases for the Maxwell-Bloch travelling wave equations
+(J. Nonlinear Sci. 2, 1992).
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from sepv.record import poly
 
 
 def maxwell_bloch(noise: Sequence[float] = (0.5,)) -> Problem:
-    """The Maxwell-Bloch equations of laser-matter dynamics for real fields, a polynomial system with two invariants.
+    """The Maxwell-Bloch equations of laser-matter dynamics for real fields,
+    a polynomial system with two invariants.
 
     The initial state is (1, 0.5, 0.5).
     """
@@ -28,10 +30,12 @@ def maxwell_bloch(noise: Sequence[float] = (0.5,)) -> Problem:
 
 
 def random_maxwell_bloch(noise: Sequence[float] = (0.5,)) -> Problem:
-    """The Maxwell-Bloch equations with a Hamiltonian for each noise; the fields of two such noises do not commute.
+    """The Maxwell-Bloch equations with a Hamiltonian for each noise;
+    the fields of two such noises do not commute.
 
-    The initial state is (1, 0.5, 0.5), and there are one or two noises. H_1 = ½y_1² and H_2 = y_3 are the two parts of
-    H_0, as in C.-E. Bréhier, D. Cohen and T. Jahnke (Math. Comp. 92, 2023). The flows of H_1 and H_2 are linear.
+    The initial state is (1, 0.5, 0.5), and there are one or two noises. H_1 = ½y_1² and H_2 = y_3
+    are the two parts of H_0, as in C.-E. Bréhier, D. Cohen and T. Jahnke (Math. Comp. 92, 2023).
+    The flows of H_1 and H_2 are linear.
     """
     base = maxwell_bloch()
     assert isinstance(base.data, PolynomialSystem)

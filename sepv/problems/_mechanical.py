@@ -25,9 +25,11 @@ def positions_first(y: Array) -> Array:
 
 
 def henon_heiles(coupling: float = 1.0, noise: ArrayLike = 1.0) -> Problem:
-    """The system of Hénon and Heiles, H = ½|p|² + ½|q|² + κ(q_1²q_2 − q_2³/3), from q = (0, 0.2), p = (0.4, −0.1).
+    """The system of Hénon and Heiles, H = ½|p|² + ½|q|² + κ(q_1²q_2 − q_2³/3), from q = (0, 0.2),
+    p = (0.4, −0.1).
 
-    For `coupling` κ = 1, orbits are bounded below H = 1/6, and chaos begins at about H = 1/12 (Astron. J. 69, 1964).
+    For `coupling` κ = 1, orbits are bounded below H = 1/6, and chaos begins at about H = 1/12
+    (Astron. J. 69, 1964).
     """
     cubic = poly.polynomial(4, {(2, 1, 0, 0): coupling, (0, 3, 0, 0): -coupling / 3})
     parts = [poly.squares((0, 0, 1, 1)), poly.add(poly.squares((1, 1, 0, 0)), cubic)]
@@ -38,7 +40,8 @@ def henon_heiles(coupling: float = 1.0, noise: ArrayLike = 1.0) -> Problem:
 
 
 def harmonic_trap(frequencies: ArrayLike = (1.0, 10.0, 100.0), noise: ArrayLike = ()) -> Problem:
-    """A harmonic trap with frequencies of different size: H = ½Σ (p_k² + ω_k²q_k²), from q_k = 1/ω_k and p = 0.
+    """A harmonic trap with frequencies of different size: H = ½Σ (p_k² + ω_k²q_k²),
+    from q_k = 1/ω_k and p = 0.
 
     The solution without noise, the default, is q_k = cos(ω_k t)/ω_k.
     """
@@ -55,7 +58,8 @@ def harmonic_trap(frequencies: ArrayLike = (1.0, 10.0, 100.0), noise: ArrayLike 
 
 
 def pendulum_chain(links: float = 3, coupling: float = 0.5, noise: ArrayLike = 1.0) -> Problem:
-    """Pendula coupled by springs: H = ½|p|² − Σ cos q_k + (κ/2) Σ (q_{k+1} − q_k)², from q_k = 1, −1, 1, … and p_k = ½.
+    """Pendula coupled by springs: H = ½|p|² − Σ cos q_k + (κ/2) Σ (q_{k+1} − q_k)², from q_k = 1,
+    −1, 1, … and p_k = ½.
 
     This is a discrete sine-Gordon equation with free ends (Y. Frenkel and T. Kontorova, 1938).
     """
@@ -74,9 +78,11 @@ def pendulum_chain(links: float = 3, coupling: float = 0.5, noise: ArrayLike = 1
 
 
 def lennard_jones(atoms: float = 3, noise: ArrayLike = 1.0) -> Problem:
-    """Atoms in the plane, H = ½|p|² + Σ_{i<j} 4(r⁻¹² − r⁻⁶), in the units of J. E. Lennard-Jones (1924); all r_ij > 0.
+    """Atoms in the plane, H = ½|p|² + Σ_{i<j} 4(r⁻¹² − r⁻⁶), in the units of J. E.
+    Lennard-Jones (1924); all r_ij > 0.
 
-    The state is y = (x_1, y_1, x_2, …, p). The atoms start on a circle, neighbours 1.2 apart, with total momentum zero.
+    The state is y = (x_1, y_1, x_2, …, p). The atoms start on a circle, neighbours 1.2 apart, with
+    total momentum zero.
     """
     n = whole_number("atoms", atoms, 2, MAX_DEGREES_OF_FREEDOM)
     pairs = list(combinations(range(n), 2))

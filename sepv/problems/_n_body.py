@@ -1,7 +1,9 @@
-"""Bodies that attract each other in the plane, H = Σ|p_i|²/2m_i − G Σ_{i<j} m_im_j/|q_i − q_j| with B = J.
+"""Bodies that attract each other in the plane, H = Σ|p_i|²/2m_i − G Σ_{i<j} m_im_j/|q_i − q_j| with
+B = J.
 
-The state is y = (x_1, y_1, x_2, …, p) in an inertial frame, positions first. The total momentum is zero, and the centre
-of mass is the origin. The flow keeps the total momentum, the centre of mass and the angular momentum Σ q_i × p_i.
+The state is y = (x_1, y_1, x_2, …, p) in an inertial frame, positions first. The total momentum is
+zero, and the centre of mass is the origin. The flow keeps the total momentum, the centre of mass
+and the angular momentum Σ q_i × p_i.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ from sepv.problems._common import named
 from sepv.problems._kepler import mean_attraction
 from sepv.problems._mechanical import positions_first
 
-# The largest number of bodies. Each body has two degrees of freedom, and B and H″ are dense matrices.
+# The largest number of bodies. Each body has two degrees of freedom, and B and H″ are dense
+# matrices.
 MOST_BODIES = 16
 
 
@@ -28,11 +31,13 @@ def planets(
     eccentricities: ArrayLike = (0.05, 0.1),
     noise: ArrayLike = 1.0,
 ) -> Problem:
-    """A star, whose mass is the first of `masses`, and planets on ellipses about it with the semi-major axes `axes`.
+    """A star, whose mass is the first of `masses`, and planets on ellipses about it with the
+    semi-major axes `axes`.
 
-    The gravitational constant times the star's mass is 1, so that a light planet of axis 1 has the period 2π. Planet
-    k = 0, 1, … starts at its pericentre, in the direction of 2k radians. The unit of mass is a planet's mass, so that
-    momenta are of the order of positions. The star is not far heavier, so that roundings of its velocity are small.
+    The gravitational constant times the star's mass is 1, so that a light planet of axis 1 has the
+    period 2π. Planet k = 0, 1, … starts at its pericentre, in the direction of 2k radians. The unit
+    of mass is a planet's mass, so that momenta are of the order of positions. The star is not far
+    heavier, so that roundings of its velocity are small.
     """
     m, a, e = (np.atleast_1d(np.asarray(part, dtype=np.float64)) for part in (masses, axes, eccentricities))
     shapes = 2 <= m.size <= MOST_BODIES and m.ndim == 1 and a.shape == e.shape == (m.size - 1,)
@@ -59,9 +64,11 @@ def planets(
 
 
 def figure_eight(noise: ArrayLike = 1.0) -> Problem:
-    """Three equal masses that follow each other on one curve shaped like an eight, with the period 6.32591398.
+    """Three equal masses that follow each other on one curve shaped like an eight,
+    with the period 6.32591398.
 
-    The orbit is that of A. Chenciner and R. Montgomery, Annals of Mathematics 152 (2000), from C. Simó's initial state.
+    The orbit is that of A. Chenciner and R. Montgomery, Annals of Mathematics 152 (2000), from C.
+    Simó's initial state.
     """
     x, v = np.array([0.97000436, -0.24308753]), np.array([0.93240737, 0.86473146])
     q, velocities = np.stack([x, -x, 0 * x]), np.stack([v / 2, v / 2, -v])
@@ -73,7 +80,8 @@ def _bodies(
 ) -> Problem:  # fmt: skip
     """The problem of n bodies with masses m (n,), positions q (n, 2) and velocities v (n, 2).
 
-    Positions and velocities are shifted, so that the centre of mass is at the origin and does not move.
+    Positions and velocities are shifted, so that the centre of mass is at the origin and does not
+    move.
     """
     n = m.size
     q, v = q - m @ q / m.sum(), v - m @ v / m.sum()

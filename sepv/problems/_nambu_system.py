@@ -13,9 +13,11 @@ def nambu_system(
     casimir: poly.Polynomial,
     noise: tuple[float, ...] = (1.0,),
 ) -> PolynomialSystem:
-    """The polynomial system dy = g ∇H × ∇C (dt + Σ c_j∘dW_j) in dimension three as data, with any Casimir C.
+    """The polynomial system dy = g ∇H × ∇C (dt + Σ c_j∘dW_j) in dimension three as data,
+    with any Casimir C.
 
-    A homogeneous C of degree 2 is also listed in `casimirs`, and one of degree 1 in `linear_casimirs`.
+    A homogeneous C of degree 2 is also listed in `casimirs`, and one of degree 1 in
+    `linear_casimirs`.
 
     Raises
     ------
@@ -54,7 +56,9 @@ def _structure(factor: poly.Polynomial, casimir: poly.Polynomial) -> Structure:
 
 
 def check_nambu(data: PolynomialSystem) -> None:
-    """Raise ProblemError if the structure of a system with `nambu` = (g, C) is not the one that g and C define."""
+    """Raise ProblemError if the structure of a system with `nambu` = (g, C)
+    is not the one that g and C define.
+    """
     if data.nambu is None:
         return
     if data.dimension != 3 or sorted(data.structure) != sorted(_structure(*data.nambu)):

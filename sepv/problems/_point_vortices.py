@@ -1,8 +1,9 @@
 """Three point vortices in the plane, carried by their own flow and by a random flow.
 
-H_0 = −(1/4π) Σ_{k<l} Γ_kΓ_l ln|x_k − x_l|² and B = J/Γ_k in the plane of vortex k (H. Aref, Annu. Rev. Fluid Mech. 15,
-1983). The random flow has stream functions ψ_1 = sin x and ψ_2 = cos y: H_j = Σ_k Γ_k ψ_j(x_k) adds Σ_j c_j J∇ψ_j(x_k)
-∘dW_j to dx_k, which is transport noise as in D. Holm (Proc. R. Soc. A 471, 2015). B is constant.
+H_0 = −(1/4π) Σ_{k<l} Γ_kΓ_l ln|x_k − x_l|² and B = J/Γ_k in the plane of vortex k (H.
+Aref, Annu. Rev. Fluid Mech. 15, 1983). The random flow has stream functions ψ_1 = sin x
+and ψ_2 = cos y: H_j = Σ_k Γ_k ψ_j(x_k) adds Σ_j c_j J∇ψ_j(x_k) ∘dW_j to dx_k, which is
+transport noise as in D. Holm (Proc. R. Soc. A 471, 2015). B is constant.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ from sepv.problems._common import skew
 def point_vortices(
     strengths: Sequence[float] = (1.0, 0.5, -0.75), noise: Sequence[float] = (0.25, 0.25)
 ) -> Problem:
-    """Vortices of `strengths` Γ_k with the state y = (x_1, y_1, x_2, …), from (0, 0), (1, 0.25) and (0.25, 1)."""
+    """Vortices of `strengths` Γ_k with the state y = (x_1, y_1, x_2, …), from (0, 0), (1, 0.25)
+    and (0.25, 1).
+    """
     G = [float(g) for g in strengths]
     n = len(G)
 

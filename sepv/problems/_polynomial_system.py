@@ -30,12 +30,14 @@ MAX_DIMENSION = 64
 
 @lru_cache(maxsize=512)
 def polynomial_problem(data: PolynomialSystem) -> Problem:
-    """The problem that polynomial data describe, with analytic derivatives; the degree of H makes averages of ∇H exact.
+    """The problem that polynomial data describe, with analytic derivatives;
+    the degree of H makes averages of ∇H exact.
 
     Raises
     ------
     ProblemError
-        If parts of the data do not fit together. For example, ∇CᵀB has a coefficient ≠ 0 for one of the Casimirs C.
+        If parts of the data do not fit together. For example, ∇CᵀB has a coefficient ≠ 0 for one of
+        the Casimirs C.
     """
     d = data.dimension
     if d > MAX_DIMENSION:
@@ -85,12 +87,16 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
 
 
 def started(data: PolynomialSystem, name: str, initial: Sequence[float], **more: Any) -> Problem:
-    """The problem of polynomial data with this name and initial state; `more` sets other attributes of the problem."""
+    """The problem of polynomial data with this name and initial state;
+    `more` sets other attributes of the problem.
+    """
     return replace(polynomial_problem(data), name=name, initial=tuple(initial), check=False, **more)
 
 
 def _hessian(gradient: tuple[Polynomial, ...]) -> tuple[Polynomial, ...]:
-    """The second derivatives ∂²H/∂y_i∂y_k from ∇H, row by row; the lower triangle repeats the upper one."""
+    """The second derivatives ∂²H/∂y_i∂y_k from ∇H, row by row;
+    the lower triangle repeats the upper one.
+    """
     above = [poly.gradient(slope, i) for i, slope in enumerate(gradient)]
     numbers = range(len(gradient))
     return tuple(above[min(i, k)][abs(i - k)] for i in numbers for k in numbers)
@@ -98,7 +104,9 @@ def _hessian(gradient: tuple[Polynomial, ...]) -> tuple[Polynomial, ...]:
 
 @lru_cache(maxsize=512)
 def _structure_maps(d: int, structure: Structure) -> tuple[PolynomialMap, PolynomialMap]:
-    """The functions B (d, d) and B′ (d, d, d) of a structure, cached for all systems with this structure."""
+    """The functions B (d, d) and B′ (d, d, d) of a structure,
+    cached for all systems with this structure.
+    """
     zero = poly.polynomial(d, {})
     above = {(i, j): entry for i, j, entry in structure}
     below = {(j, i): poly.scale(-1.0, entry) for i, j, entry in structure}
@@ -112,9 +120,11 @@ def _structure_maps(d: int, structure: Structure) -> tuple[PolynomialMap, Polyno
 
 
 def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
-    """The problem `drift` with the noises of `data`, which has a structure, a Hamiltonian or a vector for each c_j.
+    """The problem `drift` with the noises of `data`, which has a structure,
+    a Hamiltonian or a vector for each c_j.
 
-    If {H, H_j} = 0 for all noise Hamiltonians, the flow keeps H, and the result is a `StructuresProblem`.
+    If {H, H_j} = 0 for all noise Hamiltonians, the flow keeps H, and the result is a
+    `StructuresProblem`.
     """
     d = data.dimension
     counts = [len(data.noise_structures), len(data.noise_hamiltonians), len(data.noise_vectors)]
@@ -154,12 +164,16 @@ def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
 
 
 def _shared(drift: Problem) -> dict[str, Any]:
-    """The attributes of `drift`, as keyword arguments for a subclass of `Problem` whose noises have their own parts."""
+    """The attributes of `drift`, as keyword arguments for a subclass of `Problem` whose noises have
+    their own parts.
+    """
     return {f.name: getattr(drift, f.name) for f in fields(Problem) if f.init}
 
 
 def bracket(data: PolynomialSystem, F: Polynomial, G: Polynomial) -> tuple[Polynomial, list[Polynomial]]:
-    """The Poisson bracket {F, G} = ∇FᵀB∇G of two polynomials, and a list of the products whose sum it is."""
+    """The Poisson bracket {F, G} = ∇FᵀB∇G of two polynomials,
+    and a list of the products whose sum it is.
+    """
     left, right = poly.gradient(F), poly.gradient(G)
     terms = []
     for i, j, entry in data.structure:
@@ -169,14 +183,18 @@ def bracket(data: PolynomialSystem, F: Polynomial, G: Polynomial) -> tuple[Polyn
 
 
 def vanishes(bracket: tuple[Polynomial, list[Polynomial]]) -> bool:
-    """True if a sum of polynomials, given with its summands, is zero to rounding: `bracket` is (sum, summands)."""
+    """True if a sum of polynomials, given with its summands, is zero to rounding:
+    `bracket` is (sum, summands).
+    """
     total, terms = bracket
     size = max((abs(c) for p in terms for _, c in p.terms), default=0.0)
     return all(abs(c) <= 64 * EPS * size for _, c in total.terms)
 
 
 def _nambu(factor: Polynomial, casimir: Polynomial) -> Nambu:
-    """The `Nambu` record of polynomials g and C for B(y)v = g(y)(v × ∇C(y)), with analytic derivatives of C."""
+    """The `Nambu` record of polynomials g and C for B(y)v = g(y)(v × ∇C(y)),
+    with analytic derivatives of C.
+    """
     slope = poly.gradient(casimir)
     return Nambu(
         factor=PolynomialMap((), (factor,)),
@@ -198,7 +216,9 @@ def structure_entries(data: PolynomialSystem) -> list[list[Polynomial]]:
 
 
 def _check_indices(data: PolynomialSystem) -> None:
-    """Raise a ProblemError unless all entries of the structure lie above the diagonal, each at most once."""
+    """Raise a ProblemError unless all entries of the structure lie above the diagonal,
+    each at most once.
+    """
     seen = set()
     for i, j, entry in data.structure:
         if not 0 <= i < j < data.dimension or (i, j) in seen or entry.dimension != data.dimension:
@@ -211,7 +231,9 @@ def _check_indices(data: PolynomialSystem) -> None:
 
 
 def _check_shapes(data: PolynomialSystem) -> None:
-    """Raise a ProblemError unless H and the Casimirs (matrices, vectors, polynomials) fit the dimension d."""
+    """Raise a ProblemError unless H and the Casimirs (matrices, vectors, polynomials)
+    fit the dimension d.
+    """
     d, H = data.dimension, data.hamiltonian
     parts: list[tuple[bool, str, str]] = []
     for n, A in enumerate(data.casimirs):
@@ -235,9 +257,11 @@ def _check_casimirs(
     d: int, structure: Structure, casimirs: tuple[Matrix, ...], linear_casimirs: Matrix,
     polynomial_casimirs: tuple[Polynomial, ...],
 ) -> None:  # fmt: skip
-    """Raise a ProblemError unless all coefficients of ∇CᵀB are zero to rounding, for each Casimir C.
+    """Raise a ProblemError unless all coefficients of ∇CᵀB are zero to rounding,
+    for each Casimir C.
 
-    The result depends on B and the Casimirs alone. It is cached, so that systems that differ only in H share it.
+    The result depends on B and the Casimirs alone. It is cached, so that systems that differ only
+    in H share it.
     """
     zero = poly.polynomial(d, {})
     # The gradient ∇C up to a factor: Ay for yᵀAy, b for bᵀy.

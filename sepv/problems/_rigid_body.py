@@ -1,4 +1,6 @@
-"""The stochastic rigid body, a Lie-Poisson system on so(3)* (§4.2 of Cohen and Dujardin's paper)."""
+"""The stochastic rigid body, a Lie-Poisson system on so(3)* (§4.2 of Cohen and Dujardin's
+paper).
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,11 @@ from sepv.problems._common import HAT, flows, named, skew, total
 
 
 def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0) -> Problem:
-    """The rigid body with B(y)v = y × v, H = ½ Σ y_i²/I_i and the Casimir |y|², from the state (0.8, 0.6, 0).
+    """The rigid body with B(y)v = y × v, H = ½ Σ y_i²/I_i and the Casimir |y|²,
+    from the state (0.8, 0.6, 0).
 
-    The default I = (0.345, 0.653, 1) and the noise c = 1 are those of §4.2 of Cohen and Dujardin's paper.
+    The default I = (0.345, 0.653, 1) and the noise c = 1 are those of §4.2 of Cohen and Dujardin's
+    paper.
     """
     moments = floats("inertia", inertia).copy()
     if moments.shape != (3,) or not np.all(np.isfinite(moments)) or np.any(moments <= 0):
@@ -37,14 +41,17 @@ def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0)
         casimirs=(np.eye(3),),
         initial=(0.8, 0.6, 0.0),
         flows=flows(3, _structure, parts),
-        # Steps Δ of this size were solved from 10⁵ states near the initial one, and steps −Δ led back to these states.
+        # Steps Δ of this size were solved from 10⁵ states near the initial one, and steps −Δ led
+        # back to these states.
         longest_step=0.5,
         nambu=_NAMBU,
     )
 
 
 def _about_axis(k: int, moment: float, y: Array) -> Array:
-    """The part H_k = y_k²/(2I_k) of H, whose flow is a rotation about axis k by the angle t y_k/I_k."""
+    """The part H_k = y_k²/(2I_k) of H, whose flow is a rotation about axis k by the angle t
+    y_k/I_k.
+    """
     energy: Array = 0.5 * y[k] * y[k] / moment
     return energy
 

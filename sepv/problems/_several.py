@@ -1,4 +1,6 @@
-"""Examples with a structure or a Hamiltonian for each noise, and with the exact solution if all flows commute."""
+"""Examples with a structure or a Hamiltonian for each noise,
+and with the exact solution if all flows commute.
+"""
 
 from __future__ import annotations
 
@@ -56,10 +58,12 @@ def rotating_planes(
     frequencies: Sequence[Sequence[Polynomial]],
     noise: tuple[float, ...] | None = None,
 ) -> PolynomialSystem:
-    """A system of n planes with H = H(I_1, …, I_n), B = J in each plane and G_j = α_jk(I) J in plane k.
+    """A system of n planes with H = H(I_1, …, I_n), B = J in each plane and G_j = α_jk(I)
+    J in plane k.
 
-    The flow keeps every action I_k (half the squared radius in plane k), and turns plane k by the angle
-    ∂H/∂I_k (T + Σ_j c_j α_jk W_j(T)). `frequencies` has the α_jk as m rows of n polynomials in the actions.
+    The flow keeps every action I_k (half the squared radius in plane k), and turns plane k by the
+    angle ∂H/∂I_k (T + Σ_j c_j α_jk W_j(T)). `frequencies` has the α_jk as m rows of n polynomials
+    in the actions.
     """
     d = 2 * hamiltonian.dimension
     structures = tuple(
@@ -73,9 +77,11 @@ def rotating_planes(
 def commuting_actions(
     hamiltonian: Polynomial, others: Sequence[Polynomial], noise: tuple[float, ...] | None = None
 ) -> PolynomialSystem:
-    """A system of n planes with Hamiltonians H(I_1, …, I_n) and H_j(I_1, …, I_n), all of which commute.
+    """A system of n planes with Hamiltonians H(I_1, …, I_n) and H_j(I_1, …, I_n),
+    all of which commute.
 
-    I_k is half the squared radius in plane k. The flow turns this plane by ∂H/∂I_k T + Σ_j c_j ∂H_j/∂I_k W_j(T).
+    I_k is half the squared radius in plane k. The flow turns this plane by ∂H/∂I_k T + Σ_j c_j
+    ∂H_j/∂I_k W_j(T).
     """
     d, c = 2 * hamiltonian.dimension, noise or (1.0,) * len(others)
     posed = tuple(in_actions(H) for H in others)
@@ -85,7 +91,8 @@ def commuting_actions(
 def closed_form(
     hamiltonian: Polynomial, noise: Sequence[float], rates: Sequence[Sequence[Polynomial]]
 ) -> ClosedForm:
-    """The exact solution (y0, T, W) -> y(T): plane k turns by the angle ∂H/∂I_k T + Σ_j c_j rates[j][k] W_j(T).
+    """The exact solution (y0, T, W) -> y(T): plane k turns by the angle ∂H/∂I_k T + Σ_j c_j
+    rates[j][k] W_j(T).
 
     All rates are evaluated at the actions of y0, which do not change along the solution.
     """
@@ -108,7 +115,9 @@ def closed_form(
 
 
 def commuting_rotations() -> StructuresProblem:
-    """Rotations of two planes, H = I1 + 2 I2 + I1 I2, with two noises of different structures, whose flows commute."""
+    """Rotations of two planes, H = I1 + 2 I2 + I1 I2, with two noises of different structures,
+    whose flows commute.
+    """
     H = poly.polynomial(2, {(1, 0): 1.0, (0, 1): 2.0, (1, 1): 1.0})
     one, I1 = poly.constant(2, 1.0), poly.variable(2, 0)
     alpha = ((one, poly.scale(-0.5, one)), (poly.scale(0.5, I1), one))
@@ -120,7 +129,9 @@ def commuting_rotations() -> StructuresProblem:
 
 
 def commuting_oscillators() -> StructuresProblem:
-    """Rotations of two planes by H_0 = I1 + 2 I2 + I1 I2, H_1 = I1 − I2²/2 and H_2 = I2, which commute."""
+    """Rotations of two planes by H_0 = I1 + 2 I2 + I1 I2, H_1 = I1 − I2²/2 and H_2 = I2,
+    which commute.
+    """
     H = poly.polynomial(2, {(1, 0): 1.0, (0, 1): 2.0, (1, 1): 1.0})
     others = [poly.polynomial(2, {(1, 0): 1.0, (0, 2): -0.5}), poly.variable(2, 1)]
     c = (1.0, 0.5)
@@ -130,11 +141,12 @@ def commuting_oscillators() -> StructuresProblem:
 
 
 def kubo_oscillator(a: float = 2.0, sigma: float = 0.5) -> Problem:
-    """Kubo's oscillator: H_0 = ½a(p² + q²) and σH_1 = ½σ(p² + q²); the exact solution is a rotation by aT + σW(T).
+    """Kubo's oscillator: H_0 = ½a(p² + q²) and σH_1 = ½σ(p² + q²);
+    the exact solution is a rotation by aT + σW(T).
 
-    The initial state is (1, 0). Source: R. Kubo, M. Toda, N. Hashitsume, Statistical Physics II (1991), §2.1. G. N.
-    Milstein, Yu. M. Repin and M. V. Tretyakov (SIAM J. Numer. Anal. 40, 2002), §5.1, use it for symplectic methods with
-    multiplicative noise.
+    The initial state is (1, 0). Source: R. Kubo, M. Toda, N. Hashitsume, Statistical Physics II
+    (1991), §2.1. G. N. Milstein, Yu. M. Repin and M. V. Tretyakov (SIAM J. Numer. Anal. 40, 2002),
+    §5.1, use it for symplectic methods with multiplicative noise.
     """
     H, one = poly.scale(a, poly.variable(1, 0)), poly.variable(1, 0)
     exact = closed_form(H, (sigma,), [list(poly.gradient(one))])
@@ -157,7 +169,9 @@ def kubo_by_hamiltonians() -> Problem:
 
 
 def noncommuting_tops() -> StructuresProblem:
-    """Noises that do not commute: H = ½(y1² + 2 y2² + 3 y3²), Bv = e3 × v, G_1 v = e1 × v and G_2 v = e2 × v."""
+    """Noises that do not commute: H = ½(y1² + 2 y2² + 3 y3²), Bv = e3 × v,
+    G_1 v = e1 × v and G_2 v = e2 × v.
+    """
     H = poly.squares((1, 2, 3))
     B, G2, G1 = (((i, j, poly.constant(3, sign)),) for i, j, _, sign in HAT)
     system = PolynomialSystem(3, H, B, (0.5, 0.5), noise_structures=(G1, G2))
@@ -165,9 +179,11 @@ def noncommuting_tops() -> StructuresProblem:
 
 
 def noncommuting_drift() -> StructuresProblem:
-    """Rotations of two planes as two noises, which commute with each other, and a drift that commutes with neither.
+    """Rotations of two planes as two noises, which commute with each other,
+    and a drift that commutes with neither.
 
-    B has the entry −7/10 between the planes, so that B∇H turns one plane into the other, and keeps neither action.
+    B has the entry −7/10 between the planes, so that B∇H turns one plane into the other, and keeps
+    neither action.
     """
     base = commuting_rotations().data
     assert isinstance(base, PolynomialSystem)

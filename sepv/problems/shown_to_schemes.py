@@ -1,7 +1,9 @@
-"""Views of problems, which hide from a scheme what a user's problem might lack: data, derivatives, the degree of H.
+"""Views of problems, which hide from a scheme what a user's problem might lack: data, derivatives,
+the degree of H.
 
-A scheme must not be able to distinguish sepv's own problems from a user's. Its steps therefore get the view
-`shown(problem)`, while the tests of a scheme use the whole problem for their bounds and references.
+A scheme must not be able to distinguish sepv's own problems from a user's. Its steps therefore get
+the view `shown(problem)`, while the tests of a scheme use the whole problem for their bounds and
+references.
 """
 
 from __future__ import annotations
@@ -24,7 +26,8 @@ GIVEN = {
 }
 # The attributes that a scheme may need (`Scheme.needs`).
 NEEDED = ("hessian", "structure_derivative", "mean_gradient")
-# The attributes of a problem that every view lacks, and those that the view "bare functions" lacks in addition.
+# The attributes of a problem that every view lacks, and those that the view "bare functions" lacks
+# in addition.
 _NEVER = {"data", "name", "closed_form"}
 _DERIVED = {
     "hessian", "structure_derivative", "mean_gradient", "degree", "flows",
@@ -36,9 +39,11 @@ _VIEWS: WeakKeyDictionary[Problem, Problem] = WeakKeyDictionary()
 
 
 def shown(problem: Problem, needs: Iterable[str] = ()) -> Problem:
-    """The view of a problem for schemes: the whole problem, or functions with or without derivatives (`GIVEN`).
+    """The view of a problem for schemes: the whole problem,
+    or functions with or without derivatives (`GIVEN`).
 
-    `needs` names attributes that the scheme cannot do without (`Scheme.needs`); a view that hides them gets them.
+    `needs` names attributes that the scheme cannot do without (`Scheme.needs`); a view that hides
+    them gets them.
 
     Raises
     ------
@@ -59,7 +64,9 @@ def _with_needed(problem: Problem, view: Problem, needed: tuple[str, ...]) -> Pr
 
 @lru_cache(maxsize=1024)
 def as_given(data: Description, given: str) -> Problem:
-    """The problem that `data` describe, for which `shown` returns the view `given`, a key of `GIVEN`."""
+    """The problem that `data` describe, for which `shown` returns the view `given`,
+    a key of `GIVEN`.
+    """
     whole = problems.build(data)
     if given == "data":
         return whole
@@ -70,7 +77,9 @@ def as_given(data: Description, given: str) -> Problem:
 
 
 def _view(problem: Problem, *, bare: bool) -> Problem:
-    """The problem named "system", with plain functions as parts; `bare` also removes derivatives and closed forms."""
+    """The problem named "system", with plain functions as parts;
+    `bare` also removes derivatives and closed forms.
+    """
     hidden = _NEVER | _DERIVED if bare else _NEVER
     names = [f.name for f in fields(problem) if f.init and f.name not in hidden]
     shown = {name: _plain(getattr(problem, name), bare) for name in names}
@@ -78,7 +87,9 @@ def _view(problem: Problem, *, bare: bool) -> Problem:
 
 
 def _plain(value: Any, bare: bool) -> Any:
-    """A function in a wrapper that hides its attributes; for a tuple or `Nambu`, its functions in such wrappers."""
+    """A function in a wrapper that hides its attributes; for a tuple or `Nambu`,
+    its functions in such wrappers.
+    """
     if isinstance(value, tuple):
         return tuple(_plain(v, bare) for v in value)
     if isinstance(value, Nambu):

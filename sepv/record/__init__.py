@@ -1,4 +1,5 @@
-"""Records: the operations of a NumPy function as straight-line code that can be differentiated, averaged and printed.
+"""Records: the operations of a NumPy function as straight-line code that can be differentiated,
+averaged and printed.
 
 A function that consists of indexing, arithmetic and NumPy's elementwise functions is called once
 with arrays of symbols, and its operations are listed on a tape. Read `_symbols` first (the tape),

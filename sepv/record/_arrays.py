@@ -1,4 +1,6 @@
-"""Recorded functions as functions of NumPy arrays, written as Python code with one elementwise operation a line."""
+"""Recorded functions as functions of NumPy arrays, written as Python code with one elementwise
+operation a line.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ _TEXTS = {
 
 
 def number_or_array(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorate `function` to return a Python float for a Python float, because Python's floats are the fastest."""
+    """Decorate `function` to return a Python float for a Python float,
+    because Python's floats are the fastest.
+    """
     return lambda x, *more: float(function(x, *more)) if isinstance(x, float) else function(x, *more)
 
 
@@ -50,25 +54,30 @@ _NAMES: dict[str, Any] = {
 }
 
 
-# Constants that are written into the text of a function. Other constants are parameters, so that functions that differ
-# only in them share one text.
+# Constants that are written into the text of a function. Other constants are parameters, so that
+# functions that differ only in them share one text.
 _WRITTEN = {0.0, 0.5, 1.0, 2.0, 3.0, -0.5, -1.0, -2.0, -3.0, math.inf, -math.inf}
 
 
 class Source(NamedTuple):
-    """A Python function of arrays as text, and the numbers `parameters`, which are the function's last argument."""
+    """A Python function of arrays as text, and the numbers `parameters`,
+    which are the function's last argument.
+    """
 
     text: str
     parameters: tuple[float, ...]
 
     @property
     def function(self) -> Callable[..., tuple[Any, ...]]:
-        """The compiled function. Its arguments are the components of each input vector, and at last the parameters."""
+        """The compiled function. Its arguments are the components of each input vector,
+        and at last the parameters.
+        """
         return _compiled(self.text)
 
 
 def source(inputs: Sequence[Any], outputs: Any) -> Source:
-    """Write recorded outputs as the Python text of a function, which has an argument for each vector of inputs.
+    """Write recorded outputs as the Python text of a function,
+    which has an argument for each vector of inputs.
 
     The function returns the components of the outputs as a tuple.
     """
@@ -95,7 +104,8 @@ def source(inputs: Sequence[Any], outputs: Any) -> Source:
             text = f"power({arguments[0]}, {line.value!r})"
         else:
             text = _TEXTS.get(line.name, f"{line.name}({{}})").format(*arguments)
-        # Names whose values are no longer needed are used again, so that fewer arrays fill the processor's cache.
+        # Names whose values are no longer needed are used again, so that fewer arrays fill the
+        # processor's cache.
         free += sorted({shown[i] for i in line.arguments if last[i] == index and shown[i][0] == "t"})
         shown[index] = free.pop() if free else f"t{index}"
         lines.append(f"    {shown[index]} = {text}")
@@ -115,7 +125,8 @@ def _compiled(text: str) -> Callable[..., tuple[Any, ...]]:
 class Evaluator:
     """A recorded function of arrays (d, ...), stored as Python text, so that it can be pickled.
 
-    The result has the shape (*shape, ...). `places` are the indices of its components that are not identically zero.
+    The result has the shape (*shape, ...). `places` are the indices of its components that are not
+    identically zero.
     """
 
     source: Source

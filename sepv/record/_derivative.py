@@ -1,4 +1,6 @@
-"""Exact derivatives of recorded functions, on the same tape, so that they use the functions' operations again."""
+"""Exact derivatives of recorded functions, on the same tape,
+so that they use the functions' operations again.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +13,16 @@ from sepv.record._functions import FUNCTIONS
 from sepv.record._numpy_protocol import CannotRecord, SymbolArray, select
 from sepv.record._symbols import Symbol, array
 
-# Operations whose derivative is taken as 0: inputs, constants, and comparisons, which are piecewise constant.
+# Operations whose derivative is taken as 0: inputs, constants, and comparisons, which are piecewise
+# constant.
 _CONSTANT = {"input", "constant", "greater", "greater_equal", "equal", "and", "or", "not"}
 
 
 def reachable(outputs: Iterable[Symbol], given: Container[int] = ()) -> list[Symbol]:
     """The outputs and all symbols that they depend on, in the order of evaluation.
 
-    A symbol whose line number is in `given` is included, but the search does not go on to its arguments.
+    A symbol whose line number is in `given` is included, but the search does not go on to its
+    arguments.
     """
     outputs, seen = list(outputs), set()
     waiting = [symbol.index for symbol in outputs]
@@ -32,7 +36,9 @@ def reachable(outputs: Iterable[Symbol], given: Container[int] = ()) -> list[Sym
 
 
 def _partials(symbol: Symbol) -> tuple[Any, ...]:
-    """The partial derivatives of the operation that made `symbol`, by each argument of the operation."""
+    """The partial derivatives of the operation that made `symbol`,
+    by each argument of the operation.
+    """
     name, arguments = symbol.line.name, symbol.arguments
     if name in FUNCTIONS:
         slope = FUNCTIONS[name].slope
@@ -48,7 +54,8 @@ _RULES: dict[str, Callable[..., tuple[Any, ...]]] = {
     "subtract": lambda *_: (1.0, -1.0),
     "negative": lambda *_: (-1.0,),
     "multiply": lambda _, a, b: (b, a),
-    # In xⁿ = x^(n−1)·x the derivative by x^(n−1) is set to 0, because n x^(n−1), that by x, is already (xⁿ)′.
+    # In xⁿ = x^(n−1)·x the derivative by x^(n−1) is set to 0, because n x^(n−1), that by x, is
+    # already (xⁿ)′.
     "whole": lambda s, lower, _: (0.0, s.line.value * lower),
     "divide": lambda s, _, b: (1 / b, -(s / b)),
     "power": lambda s, a: (s.line.value * a ** (s.line.value - 1),),
@@ -57,7 +64,9 @@ _RULES: dict[str, Callable[..., tuple[Any, ...]]] = {
 
 
 def jacobian(outputs: Any, inputs: Any) -> Any:
-    """The derivatives ∂outputs/∂inputs (n, d) for arrays of symbols (n,) and (d,), by forward differentiation."""
+    """The derivatives ∂outputs/∂inputs (n, d) for arrays of symbols (n,) and (d,),
+    by forward differentiation.
+    """
     outputs, inputs = np.asarray(outputs, dtype=object), np.asarray(inputs, dtype=object)
     tape = inputs[0].tape
     rows = [tape.symbol(v) for v in outputs]
@@ -82,7 +91,9 @@ def jacobian(outputs: Any, inputs: Any) -> Any:
 
 
 def _chain(partials: Iterable[tuple[int, Any]], slopes: dict[int, dict[int, Symbol]]) -> dict[int, Symbol]:
-    """The derivatives of an operation by the inputs, from its `partials` and its arguments' `slopes` (chain rule)."""
+    """The derivatives of an operation by the inputs, from its `partials` and its arguments'
+    `slopes` (chain rule).
+    """
     total: dict[int, Symbol] = {}
     for i, partial in partials:
         for k, slope in slopes.get(i, {}).items():
@@ -92,7 +103,9 @@ def _chain(partials: Iterable[tuple[int, Any]], slopes: dict[int, dict[int, Symb
 
 
 def gradient(output: Any, inputs: Any) -> Any:
-    """The gradient (d,) of an output by the inputs, in reverse mode, by a few times the output's own operations."""
+    """The gradient (d,) of an output by the inputs, in reverse mode,
+    by a few times the output's own operations.
+    """
     inputs = np.asarray(inputs, dtype=object)
     tape = inputs[0].tape
     last = tape.symbol(output)
@@ -111,7 +124,9 @@ def gradient(output: Any, inputs: Any) -> Any:
 
 
 def hessian(slope: Any, inputs: Any) -> Any:
-    """The second derivatives (d, d), from the gradient `slope`; the entries (i, j) and (j, i) are the same symbol."""
+    """The second derivatives (d, d), from the gradient `slope`; the entries (i, j) and (j, i)
+    are the same symbol.
+    """
     second = jacobian(slope, inputs)
     d = len(second)
     return array((second[min(i, k), max(i, k)] for i in range(d) for k in range(d)), (d, d))

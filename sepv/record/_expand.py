@@ -1,4 +1,6 @@
-"""Expansion of recorded functions into sums of monomials, if every recorded operation gives such a sum."""
+"""Expansion of recorded functions into sums of monomials,
+if every recorded operation gives such a sum.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ class NotMonomials(Exception):
 
 
 class _Sum:
-    """A sum of monomials Σ c_e y^e, whose exponents may be negative: a later factor may cancel a division by y_i."""
+    """A sum of monomials Σ c_e y^e, whose exponents may be negative:
+    a later factor may cancel a division by y_i.
+    """
 
     def __init__(self, terms: Monomials) -> None:
         self.terms = terms
@@ -57,7 +61,8 @@ def _refused(*_: Any) -> Any:
 def expand(outputs: Sequence[Symbol], inputs: Sequence[Symbol], most: int) -> list[Monomials] | None:
     """The outputs multiplied out into polynomials of the inputs.
 
-    The result is None if an output is no polynomial, or if the outputs have more than `most` terms in total.
+    The result is None if an output is no polynomial, or if the outputs have more than `most` terms
+    in total.
     """
     d = len(inputs)
     start = {x.index: _Sum({tuple(int(i == k) for i in range(d)): 1.0}) for k, x in enumerate(inputs)}

@@ -1,10 +1,12 @@
 """The flow of y′ = f(y) in closed form, recognised from the recorded operations of f.
 
 - f′f = 0: f does not change along its own flow, which is y + t f(y).
-- f is linear in the components that move, with a matrix M that does not change along the flow. For y_i′ = M_ii y_i the
-  solution is y_i e^{t M_ii}. For y_i′ = M_ij y_j and y_j′ = −M_ij y_i the flow is a rotation by the angle t M_ij.
+- f is linear in the components that move, with a matrix M that does not change along the flow. For
+  y_i′ = M_ii y_i the solution is y_i e^{t M_ii}. For y_i′ = M_ij y_j and y_j′ = −M_ij y_i the flow
+  is a rotation by the angle t M_ij.
 
-The parts of a separable H, quadratic parts about an axis, and the parts of a Lotka-Volterra system are of these forms.
+The parts of a separable H, quadratic parts about an axis, and the parts of a Lotka-Volterra system
+are of these forms.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ from sepv.record._symbols import array
 
 
 def flow(f: Any, y: Any, t: Any) -> Any:
-    """The exact solution at the time t of y′ = f(y) with the initial state y, as symbols (d,), for a recorded field f.
+    """The exact solution at the time t of y′ = f(y) with the initial state y, as symbols (d,),
+    for a recorded field f.
 
     Raises NoClosedForm if f has none of the forms that the docstring of this module lists.
     """
@@ -36,7 +39,9 @@ def flow(f: Any, y: Any, t: Any) -> Any:
 
 
 def _moved(M: dict[int, dict[int, Any]], y: Any, t: Any, i: int) -> Any:
-    """Component i of exp(tM)y, for a matrix M given by its nonzero entries; y_i is constant if M has no row i."""
+    """Component i of exp(tM)y, for a matrix M given by its nonzero entries;
+    y_i is constant if M has no row i.
+    """
     if i not in M:
         return y[i]
     ((j, rate),) = M[i].items() if len(M[i]) == 1 else ((None, None),)

@@ -1,7 +1,7 @@
 """The elementary functions that can be recorded, by their names, with values and derivatives.
 
-NumPy lacks three of them: sin x/x, log1p(x)/x and expm1(x)/x. Averages of gradients along a segment consist of these
-three and their derivatives. They are computed without loss of digits as x → 0.
+NumPy lacks three of them: sin x/x, log1p(x)/x and expm1(x)/x. Averages of gradients along a segment
+consist of these three and their derivatives. They are computed without loss of digits as x → 0.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-# The arguments |x| below which the formulas of the three derivatives lose digits and are replaced by power series.
+# The arguments |x| below which the formulas of the three derivatives lose digits and are replaced
+# by power series.
 _SINC, _LOG, _EXP = 0.5, 0.1, 0.5
 _TERMS = 18
 
@@ -93,7 +94,9 @@ _EXP_SERIES = [1 / (_F[n] * (n + 2)) for n in range(_TERMS - 1, -1, -1)]
 
 @dataclass(frozen=True)
 class Function:
-    """An elementwise function f = `value`; `slope` is the function of two symbols, x and f(x), that returns f′(x)."""
+    """An elementwise function f = `value`; `slope` is the function of two symbols, x and f(x),
+    that returns f′(x).
+    """
 
     value: Callable[[Any], Any]
     slope: Callable[[Any, Any], Any] | None

@@ -1,4 +1,5 @@
-"""Interval arithmetic: bounds of a recorded function over a box of states (R. E. Moore, *Interval Analysis*, 1966).
+"""Interval arithmetic: bounds of a recorded function over a box of states (R. E. Moore,
+*Interval Analysis*, 1966).
 
 An interval [low, high] holds all values of an expression whose inputs lie in intervals. Bounds are
 not rounded outward: they serve as scales of rounding errors, for which a relative error of a few
@@ -37,7 +38,9 @@ class Truth(NamedTuple):
 
 
 def magnitudes(outputs: Iterable[Symbol], inputs: Iterable[Symbol], low: Array, high: Array) -> Array:
-    """The largest |value| of each recorded output (n, ...) over the box from `low` to `high`, (d, ...)."""
+    """The largest |value| of each recorded output (n, ...) over the box from `low` to `high`,
+    (d, ...).
+    """
     boxes = {x.index: Interval(a, b) for x, a, b in zip(inputs, low, high, strict=True)}
     with np.errstate(all="ignore"):
         found = replay(outputs, boxes, _function, lambda v: Interval(v, v), _power, _OPERATIONS)
@@ -46,7 +49,9 @@ def magnitudes(outputs: Iterable[Symbol], inputs: Iterable[Symbol], low: Array, 
 
 
 def _hull(*values: Any) -> Interval:
-    """The smallest interval with all `values`; 0·∞ counts as 0, the limit of the products with a finite end."""
+    """The smallest interval with all `values`; 0·∞ counts as 0,
+    the limit of the products with a finite end.
+    """
     finite = [np.where(np.isnan(v), 0.0, v) for v in values]
     return Interval(np.minimum.reduce(finite), np.maximum.reduce(finite))
 
@@ -82,7 +87,9 @@ def _power(a: Interval, exponent: float) -> Interval:
 
 
 def _wave(a: Interval, value: Callable[[Any], Any], crest: float) -> Interval:
-    """The values of sin or cos, whose maxima lie at `crest` + 2πn and whose minima lie half a period later."""
+    """The values of sin or cos, whose maxima lie at `crest` + 2πn and whose minima lie half a
+    period later.
+    """
     low, high = _hull(value(a.low), value(a.high))
 
     def passes(place: float) -> Any:
@@ -94,7 +101,9 @@ def _wave(a: Interval, value: Callable[[Any], Any], crest: float) -> Interval:
 
 
 def _function(name: str, a: Interval) -> Interval:
-    """An elementary function of an interval: monotone ones by their ends, others by what is known of their extrema."""
+    """An elementary function of an interval: monotone ones by their ends,
+    others by what is known of their extrema.
+    """
     value = FUNCTIONS[name].value
     if name in ("sin", "cos"):
         return _wave(a, value, math.pi / 2 if name == "sin" else 0.0)

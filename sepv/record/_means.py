@@ -1,8 +1,10 @@
-"""The mean of a gradient along a segment, ∫₀¹∇H(y + τz)dτ, exact to rounding, from the recorded operations of H.
+"""The mean of a gradient along a segment, ∫₀¹∇H(y + τz)dτ, exact to rounding,
+from the recorded operations of H.
 
-A polynomial of degree ν is averaged by ⌈ν/2⌉ Gauss nodes, which are exact for its gradient. A term G(ℓ(y)), with ℓ
-affine and G one of sin, cos, exp, log, 1/x, √, xᵃ, sinh, cosh, has the mean ∇ℓ (G(ℓ₁) − G(ℓ₀))/δ, where ℓ₀ = ℓ(y),
-ℓ₁ = ℓ(y + z) and δ = ℓ₁ − ℓ₀. With m = ℓ₀ + δ/2 the quotient has forms that lose no digits as z → 0:
+A polynomial of degree ν is averaged by ⌈ν/2⌉ Gauss nodes, which are exact for its gradient. A term
+G(ℓ(y)), with ℓ affine and G one of sin, cos, exp, log, 1/x, √, xᵃ, sinh, cosh, has the mean ∇ℓ
+(G(ℓ₁) − G(ℓ₀))/δ, where ℓ₀ = ℓ(y), ℓ₁ = ℓ(y + z) and δ = ℓ₁ − ℓ₀. With m = ℓ₀ + δ/2 the quotient
+has forms that lose no digits as z → 0:
 
     sin: cos(m) sinc(δ/2)          exp: e^max(ℓ₀, ℓ₁) E(−|δ|)        1/x: −1/(ℓ₀ℓ₁)
     cos: −sin(m) sinc(δ/2)         log: log1p(δ/ℓ₀)/δ                √: 1/(√ℓ₀ + √ℓ₁)
@@ -24,16 +26,21 @@ from sepv.record._numpy_protocol import select
 from sepv.record._replay import substitute
 from sepv.record._symbols import Symbol
 
-# The most Gauss nodes of an average. With more, the rule takes longer than the adaptive quadrature of most steps.
+# The most Gauss nodes of an average. With more, the rule takes longer than the adaptive quadrature
+# of most steps.
 MOST_NODES = 16
 
 
 class NoClosedForm(Exception):
-    """Raised if the average of a gradient, or the flow of a field, has no closed form; the message says why."""
+    """Raised if the average of a gradient, or the flow of a field, has no closed form;
+    the message says why.
+    """
 
 
 def degrees(output: Symbol, inputs: Any) -> dict[int, int | None]:
-    """The degree in the inputs of each symbol that the output depends on; None for a symbol that is no polynomial."""
+    """The degree in the inputs of each symbol that the output depends on;
+    None for a symbol that is no polynomial.
+    """
     wanted = {x.index for x in inputs}
     by_row: dict[int, int | None] = {}
     for symbol in reachable([output]):
@@ -43,7 +50,9 @@ def degrees(output: Symbol, inputs: Any) -> dict[int, int | None]:
 
 
 def _degree(name: str, below: list[int | None]) -> int | None:
-    """The degree of an operation's result from the degrees of its arguments, `below`; None if it is no polynomial."""
+    """The degree of an operation's result from the degrees of its arguments, `below`;
+    None if it is no polynomial.
+    """
     degrees = [n for n in below if n is not None]
     if len(degrees) < len(below):
         return None
@@ -63,17 +72,20 @@ def degree(output: Any, inputs: Any) -> int | None:
 
 
 class Mean(NamedTuple):
-    """The averaged gradient ∫₀¹∇H(y + τz)dτ as symbols, (d,), and the number of Gauss nodes in its polynomial part."""
+    """The averaged gradient ∫₀¹∇H(y + τz)dτ as symbols, (d,),
+    and the number of Gauss nodes in its polynomial part.
+    """
 
     value: Any
     nodes: int
 
 
 def mean(output: Any, inputs: Any, z: Any) -> Mean:
-    """The average of the gradient of an output, ∫₀¹∇output(y + τz)dτ, for inputs y (d,) and further symbols z (d,).
+    """The average of the gradient of an output, ∫₀¹∇output(y + τz)dτ, for inputs y (d,)
+    and further symbols z (d,).
 
-    Raises NoClosedForm unless the output is a polynomial plus terms c·G(ℓ) with constants c, functions G in `_RULES`,
-    and arguments ℓ that are affine in the inputs.
+    Raises NoClosedForm unless the output is a polynomial plus terms c·G(ℓ) with constants c,
+    functions G in `_RULES`, and arguments ℓ that are affine in the inputs.
     """
     tape = inputs[0].tape
     symbol = tape.symbol(output)
@@ -88,7 +100,8 @@ def mean(output: Any, inputs: Any, z: Any) -> Mean:
     nodes = mean_nodes(degree(polynomial, inputs) or 0)
     if nodes > MOST_NODES:
         raise NoClosedForm(f"a polynomial H whose mean takes {nodes} Gauss nodes")
-    # The derivative of the average is an average of H″, and so symmetric. The chain rule does not use this symmetry.
+    # The derivative of the average is an average of H″, and so symmetric. The chain rule does not
+    # use this symmetry.
     slope = gradient(polynomial, inputs)
     bend = hessian(slope, inputs)
     slopes = jacobian(total, z)
@@ -102,7 +115,9 @@ def mean(output: Any, inputs: Any, z: Any) -> Mean:
 
 
 def _terms(symbol: Symbol, factor: Any) -> list[tuple[Any, Symbol]]:
-    """The terms of `factor` times `symbol`, each as (constant, symbol): several if the symbol is a sum, else one."""
+    """The terms of `factor` times `symbol`, each as (constant, symbol):
+    several if the symbol is a sum, else one.
+    """
     name, arguments = symbol.line.name, symbol.arguments
     if name in ("add", "subtract"):
         second = factor if name == "add" else -factor
@@ -144,12 +159,15 @@ def _logarithm(x: Any, delta: Any) -> Any:
 
 
 def _exponential(x: Any, delta: Any) -> Any:
-    """The mean of exp from x to x + delta, computed from the larger end: it overflows only if exp does so there."""
+    """The mean of exp from x to x + delta, computed from the larger end:
+    it overflows only if exp does so there.
+    """
     up = delta > 0
     return (x + select(up, delta, 0.0)).exp() * select(up, -delta, delta).expm1_ratio()
 
 
-# The quotient (G(ℓ₁) − G(ℓ₀))/(ℓ₁ − ℓ₀) for each G, from x = ℓ₀, delta = ℓ₁ − ℓ₀ and the term itself.
+# The quotient (G(ℓ₁) − G(ℓ₀))/(ℓ₁ − ℓ₀) for each G, from x = ℓ₀, delta = ℓ₁ − ℓ₀ and the term
+# itself.
 _RULES: dict[str, Callable[[Any, Any, Symbol], Any]] = {
     "sin": lambda x, delta, _: (x + 0.5 * delta).cos() * (0.5 * delta).sinc(),
     "cos": lambda x, delta, _: -((x + 0.5 * delta).sin() * (0.5 * delta).sinc()),

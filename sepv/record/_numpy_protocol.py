@@ -1,7 +1,7 @@
 """NumPy's functions on symbols, by the protocols `__array_ufunc__` and `__array_function__`.
 
-NumPy's arithmetic on arrays of plain objects calls the arithmetic of the elements, but its comparisons and `np.where`
-need values. `SymbolArray` records comparisons and `np.where` too.
+NumPy's arithmetic on arrays of plain objects calls the arithmetic of the elements, but its
+comparisons and `np.where` need values. `SymbolArray` records comparisons and `np.where` too.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ from sepv.record._functions import FUNCTIONS
 
 
 class CannotRecord(TypeError):
-    """Raised if a function cannot be recorded, because it needs the value of a symbol, or calls an unknown function."""
+    """Raised if a function cannot be recorded, because it needs the value of a symbol,
+    or calls an unknown function.
+    """
 
     def __init__(self, reason: str) -> None:
         super().__init__(
@@ -26,7 +28,9 @@ class CannotRecord(TypeError):
 
 
 class Element:
-    """The base class of `sepv.record._symbols.Symbol`, with the two attributes that this module uses."""
+    """The base class of `sepv.record._symbols.Symbol`,
+    with the two attributes that this module uses.
+    """
 
     __slots__ = ()
     tape: Any
@@ -38,7 +42,9 @@ class Element:
 
 
 def select(condition: Any, a: Any, b: Any) -> Any:
-    """The symbol of a choice: a if a recorded condition holds, else b. Both a and b are evaluated."""
+    """The symbol of a choice: a if a recorded condition holds, else b. Both a and b are
+    evaluated.
+    """
     if not isinstance(condition, Element):
         return a if condition else b
     if condition.number is not None:
@@ -106,7 +112,9 @@ def _plain(value: Any) -> Any:
 
 
 def _wrapped(value: Any) -> Any:
-    """The result of a NumPy function as a `SymbolArray`; an array of shape () becomes its only element."""
+    """The result of a NumPy function as a `SymbolArray`; an array of shape ()
+    becomes its only element.
+    """
     if isinstance(value, np.ndarray):
         return value.view(SymbolArray) if value.ndim else value[()]
     return value
@@ -131,7 +139,9 @@ def array_ufunc(self: Any, ufunc: Any, method: str, *inputs: Any, **options: Any
 
 
 def array_function(self: Any, function: Any, types: Any, arguments: Any, options: Any) -> Any:  # noqa: ARG001 - NumPy's
-    """NumPy's hook for other functions: `np.where`, `np.sinc`, reductions, and functions that only move elements."""
+    """NumPy's hook for other functions: `np.where`, `np.sinc`, reductions,
+    and functions that only move elements.
+    """
     if function is np.where and len(arguments) == 3:
         return _wrapped(np.frompyfunc(select, 3, 1)(*map(_plain, arguments)))
     if function is np.sinc:  # sin(πx)/(πx)
@@ -146,7 +156,9 @@ def array_function(self: Any, function: Any, types: Any, arguments: Any, options
 
 
 def _unwrapped(value: Any) -> Any:
-    """The arguments of a NumPy function, with each symbol or `SymbolArray` as a plain array of objects."""
+    """The arguments of a NumPy function, with each symbol or `SymbolArray` as a plain array of
+    objects.
+    """
     if isinstance(value, (SymbolArray, Element)):
         return _plain(value)
     if isinstance(value, (list, tuple)):

@@ -1,7 +1,8 @@
 """Polynomials in d variables as data: exponents and coefficients.
 
-As data, and not as Python functions, polynomials can be printed, shrunk by Hypothesis, compared, and written as JSON
-with hex floats. mpmath can evaluate them at any precision by the formula that is evaluated here in binary64.
+As data, and not as Python functions, polynomials can be printed, shrunk by Hypothesis, compared,
+and written as JSON with hex floats. mpmath can evaluate them at any precision by the formula that
+is evaluated here in binary64.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ MAX_PRODUCTS = 2**22
 
 @dataclass(frozen=True)
 class Polynomial:
-    """A polynomial Σ_t c_t Π_i y_i^(e_ti) with `terms` (e_t, c_t) in canonical order, without zero terms.
+    """A polynomial Σ_t c_t Π_i y_i^(e_ti) with `terms` (e_t, c_t) in canonical order,
+    without zero terms.
 
     The function `polynomial` builds one: it sorts, merges and checks the terms.
     """
@@ -53,7 +55,8 @@ def polynomial(dimension: int, terms: Mapping[Any, float] | Iterable[tuple[Expon
     Raises
     ------
     UsageError
-        If an exponent tuple does not have `dimension` non-negative integers, or a coefficient is not finite.
+        If an exponent tuple does not have `dimension` non-negative integers, or a coefficient is
+        not finite.
     """
     merged: dict[Exponents, float] = {}
     for exponents, coefficient in terms.items() if isinstance(terms, Mapping) else terms:
@@ -126,7 +129,8 @@ def add(*summands: Polynomial) -> Polynomial:
 
 
 def multiply(p: Polynomial, q: Polynomial) -> Polynomial:
-    """The product of two polynomials, exact if all products and sums of their coefficients are exact in binary64.
+    """The product of two polynomials, exact if all products and sums of their coefficients are
+    exact in binary64.
 
     Raises UsageError for more than MAX_PRODUCTS products of terms.
     """
@@ -163,7 +167,9 @@ def differentiate(p: Polynomial, index: int) -> Polynomial:
 
 
 def gradient(p: Polynomial, first: int = 0) -> tuple[Polynomial, ...]:
-    """The partial derivatives of p by the variables from index `first` on, by default by all of them."""
+    """The partial derivatives of p by the variables from index `first` on,
+    by default by all of them.
+    """
     # Lowering one exponent in each term keeps the canonical order.
     partials: list[list[tuple[Exponents, float]]] = [[] for _ in range(first, p.dimension)]
     for e, c in p.terms:
@@ -176,14 +182,17 @@ def gradient(p: Polynomial, first: int = 0) -> tuple[Polynomial, ...]:
 
 
 def _of_sorted(dimension: int, terms: list[tuple[Exponents, float]]) -> Polynomial:
-    """The polynomial with `terms` in canonical order; a coefficient that is not finite raises UsageError."""
+    """The polynomial with `terms` in canonical order; a coefficient that is not finite raises
+    UsageError.
+    """
     if all(map(isfinite, [c for _, c in terms])):
         return Polynomial(dimension, tuple(terms))
     return polynomial(dimension, terms)
 
 
-# The largest terms × sums × states for which one reduction over all terms is faster than a loop over layers of terms.
-# The loop saves additions but calls NumPy more often. The number was measured, and matters for speed alone.
+# The largest terms × sums × states for which one reduction over all terms is faster than a loop
+# over layers of terms. The loop saves additions but calls NumPy more often. The number was
+# measured, and matters for speed alone.
 ONE_REDUCTION_MAX_SIZE = 8192
 
 
@@ -191,22 +200,23 @@ ONE_REDUCTION_MAX_SIZE = 8192
 class _Sums:
     """The sums of monomials of several polynomials, as index tables for their evaluation.
 
-    Products and sums run strictly in order. With a BLAS product or NumPy's pairwise sum the bits for one state would
-    depend on the other states of the batch.
+    Products and sums run strictly in order. With a BLAS product or NumPy's pairwise sum the bits
+    for one state would depend on the other states of the batch.
 
     Attributes
     ----------
     top : the largest exponent of one variable
     factors : (most factors of a monomial, monomials + 1)
-        The powers to multiply for each monomial: y_i^k has the number i + d·k. Short monomials are padded by y_1⁰ = 1.
-        The last monomial is 1.
+        The powers to multiply for each monomial: y_i^k has the number i + d·k. Short monomials are
+        padded by y_1⁰ = 1. The last monomial is 1.
     places, coefficients : (terms of all sums,) each
         The numbers of the monomials of the sums, sum after sum, and their coefficients.
     starts : (sums + 1,)
-        Where the terms of each sum begin. Nothing is padded, so that one long sum costs its own terms alone.
+        Where the terms of each sum begin. Nothing is padded, so that one long sum costs its own
+        terms alone.
     rows : (rows,) or None
-        The number of the sum of each polynomial, if some polynomials are equal, such as zero entries of B and B′, or
-        entries of a Hessian in pairs. None if all polynomials differ.
+        The number of the sum of each polynomial, if some polynomials are equal, such as zero
+        entries of B and B′, or entries of a Hessian in pairs. None if all polynomials differ.
     """
 
     top: int
@@ -217,7 +227,9 @@ class _Sums:
     rows: NDArray[np.intp] | None
 
     def __call__(self, y: NDArray[Any]) -> NDArray[Any]:
-        """The values of all polynomials at states y (d, M), of shape (rows, M) with a row for each polynomial."""
+        """The values of all polynomials at states y (d, M), of shape (rows, M)
+        with a row for each polynomial.
+        """
         values = self._values(y)
         return values if self.rows is None else values.take(self.rows, axis=0)
 
@@ -250,7 +262,9 @@ class _Sums:
         return values
 
     def _in_layers(self, powers: NDArray[Any]) -> NDArray[Any]:
-        """The values of all sums, added in steps n = 1, 2, …: step n adds the n-th term to every sum that has one."""
+        """The values of all sums, added in steps n = 1, 2, …:
+        step n adds the n-th term to every sum that has one.
+        """
         monomials = powers[self.factors[0]]
         for numbers in self.factors[1:]:
             monomials *= powers[numbers]
@@ -268,7 +282,9 @@ class _Sums:
 
     @cached_property
     def _table(self) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """The terms (1 + most terms of a sum, sums) and (…, 1); row 0 and the padding of short sums are 0 · 1."""
+        """The terms (1 + most terms of a sum, sums) and (…, 1);
+        row 0 and the padding of short sums are 0 · 1.
+        """
         lengths = np.diff(self.starts)
         places = np.full((1 + self._longest, len(lengths)), self.factors.shape[1] - 1)
         coefficients = np.zeros((*places.shape, 1))
@@ -279,7 +295,9 @@ class _Sums:
 
     @cached_property
     def _layers(self) -> tuple[NDArray[np.intp], list[tuple[NDArray[np.intp], NDArray[np.float64]]]]:
-        """Tables for `_in_layers`: the numbers of the sums, longest first, and for n = 1, 2, … their n-th terms."""
+        """Tables for `_in_layers`: the numbers of the sums, longest first, and for n = 1, 2,
+        … their n-th terms.
+        """
         lengths = np.diff(self.starts)
         order = np.argsort(-lengths, kind="stable")
         firsts = self.starts[:-1][order]
@@ -290,7 +308,8 @@ class _Sums:
 
 @dataclass(frozen=True)
 class PolynomialMap:
-    """Several polynomials evaluated together: each distinct monomial once, then one sum for each polynomial.
+    """Several polynomials evaluated together: each distinct monomial once,
+    then one sum for each polynomial.
 
     The bits for one state do not depend on how many states are evaluated with it.
     """
@@ -301,7 +320,8 @@ class PolynomialMap:
     @cached_property
     def _sums(self) -> _Sums:
         d = self.rows[0].dimension
-        # Each distinct polynomial is listed once. Equal ones are recognised by identity, except that all zeros are one.
+        # Each distinct polynomial is listed once. Equal ones are recognised by identity, except
+        # that all zeros are one.
         distinct = {id(p) if p.terms else 0: p.terms for p in self.rows}
         monomials = sorted({e for terms in distinct.values() for e, _ in terms})
         index = {e: t for t, e in enumerate(monomials)}
@@ -325,11 +345,15 @@ class PolynomialMap:
         return replace(self._sums, coefficients=np.abs(self._sums.coefficients))
 
     def __call__(self, y: ArrayLike) -> NDArray[Any]:
-        """The values of all polynomials at y (d, ...), of shape (*shape, *y.shape[1:]), in the dtype of y."""
+        """The values of all polynomials at y (d, ...), of shape (*shape, *y.shape[1:]),
+        in the dtype of y.
+        """
         return self._evaluate(np.asarray(y), self._sums)
 
     def majorant(self, y: ArrayLike) -> NDArray[Any]:
-        """The sum Σ_t |c_t| Π_i |y_i|^e_ti for each polynomial at y, the scale of the rounding errors of its value."""
+        """The sum Σ_t |c_t| Π_i |y_i|^e_ti for each polynomial at y,
+        the scale of the rounding errors of its value.
+        """
         return self._evaluate(np.abs(np.asarray(y)), self._majorants)
 
     def _evaluate(self, y: NDArray[Any], sums: _Sums) -> NDArray[Any]:
@@ -337,7 +361,9 @@ class PolynomialMap:
 
 
 def to_json(p: Polynomial) -> list[list[Any]]:
-    """A polynomial as JSON data [[exponents, hex coefficient], …], from which `from_json` restores every bit."""
+    """A polynomial as JSON data [[exponents, hex coefficient], …],
+    from which `from_json` restores every bit.
+    """
     return [[list(e), c.hex()] for e, c in p.terms]
 
 

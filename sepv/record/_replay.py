@@ -1,4 +1,6 @@
-"""Evaluation of recorded operations with any values that have arithmetic: other symbols, numbers of any precision."""
+"""Evaluation of recorded operations with any values that have arithmetic: other symbols,
+numbers of any precision.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,8 @@ def replay(
     power: Callable[[Any, float], Any] = operator.pow,
     operations: Mapping[str, Callable[..., Any]] = ARITHMETIC,
 ) -> list[Any]:
-    """The values of recorded outputs, computed from `values` {line number: value} of inputs or of other lines.
+    """The values of recorded outputs, computed from `values` {line number:
+    value} of inputs or of other lines.
 
     `function` evaluates an elementary function, given its name and argument, and `operations` all
     other operations, by default those of Python's operators. An input without value raises
@@ -66,7 +69,9 @@ def replay(
 
 
 def substitute(outputs: Any, inputs: Any, by: Any) -> Any:
-    """The outputs as an array of symbols, with the symbols or numbers `by` in the place of the inputs."""
+    """The outputs as an array of symbols, with the symbols or numbers `by` in the place of the
+    inputs.
+    """
     outputs = np.asarray(outputs, dtype=object)
     tape = np.asarray(inputs, dtype=object)[0].tape
     rows = [tape.symbol(v) for v in outputs.ravel()]

@@ -1,11 +1,11 @@
 """Symbols and the tape, the list of operations on symbols.
 
-Each operation on symbols is a line of the tape. If an operation is repeated on the same arguments, its line
-is used again. Operations on constants are evaluated, and x + 0, 0·x and ±1·x are simplified. A division by a
-constant becomes a product with its reciprocal. Signs move outward, so that −a + b, b − a and b + (−1)a are
-one line. Apart from 0, ±1 and powers of two no rule depends on the value of a constant. So systems that
-differ only in coefficients have the same lines, and share one compiled kernel. Replacing 0·x by 0 assumes
-that x is finite.
+Each operation on symbols is a line of the tape. If an operation is repeated on the same arguments,
+its line is used again. Operations on constants are evaluated, and x + 0, 0·x and ±1·x are
+simplified. A division by a constant becomes a product with its reciprocal. Signs move outward, so
+that −a + b, b − a and b + (−1)a are one line. Apart from 0, ±1 and powers of two no rule depends on
+the value of a constant. So systems that differ only in coefficients have the same lines, and share
+one compiled kernel. Replacing 0·x by 0 assumes that x is finite.
 """
 
 from __future__ import annotations
@@ -30,15 +30,17 @@ from sepv.record._numpy_protocol import (
     select,
 )
 
-# The largest exponent of a power that is written as products. Such a power is a line "whole": xⁿ⁻¹·x is
-# evaluated like a product, and differentiated as xⁿ, with the derivative n xⁿ⁻¹.
+# The largest exponent of a power that is written as products. Such a power is a line "whole":
+# xⁿ⁻¹·x is evaluated like a product, and differentiated as xⁿ, with the derivative n xⁿ⁻¹.
 LARGEST_POWER = 32
 # Operations after which a tape warns that it takes long: five seconds or so.
 SLOW_TAPE_OPERATIONS = 2**20
 
 
 class Operation(NamedTuple):
-    """A line of a tape: the operation's name, the lines of its arguments, and a constant's value or an exponent."""
+    """A line of a tape: the operation's name, the lines of its arguments,
+    and a constant's value or an exponent.
+    """
 
     name: str
     arguments: tuple[int, ...]
@@ -46,19 +48,23 @@ class Operation(NamedTuple):
 
 
 class Tape:
-    """The list of all operations done to symbols: each is listed once, and after the operations that it depends on."""
+    """The list of all operations done to symbols: each is listed once,
+    and after the operations that it depends on.
+    """
 
     def __init__(self) -> None:
         self.lines: list[Operation] = []
-        # Derivatives of some lines, by the line's number, that are shorter than those of the chain rule
-        # (`declare`).
+        # Derivatives of some lines, by the line's number, that are shorter than those of the chain
+        # rule (`declare`).
         self.declared: dict[int, tuple[set[int], dict[int, Symbol]]] = {}
         self._known: dict[Any, Symbol] = {}
         # The number of calls of `write`, a measure of the time taken: one takes some microseconds.
         self.asked = self.inputs = 0
 
     def write(self, name: str, *arguments: Symbol, value: float = 0.0) -> Symbol:
-        """Append an operation, unless the tape has an equal one already, and return the symbol of its result."""
+        """Append an operation, unless the tape has an equal one already,
+        and return the symbol of its result.
+        """
         self.asked += 1
         if self.asked == SLOW_TAPE_OPERATIONS:
             warnings.warn(
@@ -115,7 +121,9 @@ class Tape:
 
 
 def array(symbols: Iterable[Any], shape: tuple[int, ...] | None = None) -> Any:
-    """An array of symbols as a `SymbolArray`, which NumPy's functions accept; for shape () the symbol itself."""
+    """An array of symbols as a `SymbolArray`, which NumPy's functions accept; for shape ()
+    the symbol itself.
+    """
     values = list(symbols)
     entries = np.empty(len(values), dtype=object)
     entries[:] = values
@@ -239,7 +247,9 @@ def _power(a: Symbol, b: Symbol) -> Symbol:
 
 
 def _whole_power(base: Symbol, n: int) -> Symbol:
-    """The power xⁿ of a symbol by n − 1 products, so that the tape has the lower power for the derivative nxⁿ⁻¹."""
+    """The power xⁿ of a symbol by n − 1 products, so that the tape has the lower power for the
+    derivative nxⁿ⁻¹.
+    """
     power = base if n else base.tape.constant(1.0)
     for k in range(2, n + 1):
         power = base.tape.write("whole", power, base, value=float(k))
@@ -273,7 +283,9 @@ def _logical(name: str, a: Symbol, b: Symbol) -> Symbol:
 
 
 def _operator(rule: Callable[[Symbol, Symbol], Any], *, swapped: bool = False) -> Any:
-    """Make a method for an operator of `Symbol` from a rule for two symbols; the other operand may be a number."""
+    """Make a method for an operator of `Symbol` from a rule for two symbols;
+    the other operand may be a number.
+    """
 
     def method(self: Symbol, other: Any) -> Any:
         symbol = None if isinstance(other, np.ndarray) and other.ndim else _as_symbol(self.tape, other)
@@ -285,7 +297,9 @@ def _operator(rule: Callable[[Symbol, Symbol], Any], *, swapped: bool = False) -
 
 
 class Symbol(Element):
-    """A symbol stands for the result of one recorded operation, and takes part in arithmetic like a number."""
+    """A symbol stands for the result of one recorded operation,
+    and takes part in arithmetic like a number.
+    """
 
     __slots__ = ("index", "tape")
     tape: Tape
@@ -373,7 +387,7 @@ class Symbol(Element):
         return self.tape.write(name, self)
 
 
-# Methods such as `sin` of symbols, because np.sin on an array of objects calls the method `sin` of each
-# element.
+# Methods such as `sin` of symbols, because np.sin on an array of objects calls the method `sin` of
+# each element.
 for _name in FUNCTIONS:
     setattr(Symbol, _name, partialmethod(Symbol.apply, _name))

@@ -1,9 +1,11 @@
-"""The schemes, one file each: those of the paper, and families of higher order by their number of stages.
+"""The schemes, one file each: those of the paper, and families of higher order by their number of
+stages.
 
-Read first `_scheme` (the data of a scheme), `_energy_preserving` (equation (2.1)) and `_one_step` (how a formula
-becomes a scheme). `_guard` calls a scheme and checks its result. `_load_target` finds a scheme by name.
-`_point_distributions` has increments with two or three values. `_division` and `_continuation` solve steps that fail.
-`_catalogue` lists the schemes by name. Each is also an attribute of this package, such as `schemes.midpoint`.
+Read first `_scheme` (the data of a scheme), `_energy_preserving` (equation (2.1)) and `_one_step`
+(how a formula becomes a scheme). `_guard` calls a scheme and checks its result. `_load_target`
+finds a scheme by name. `_point_distributions` has increments with two or three values. `_division`
+and `_continuation` solve steps that fail. `_catalogue` lists the schemes by name. Each is also an
+attribute of this package, such as `schemes.midpoint`.
 """
 
 from __future__ import annotations
@@ -86,7 +88,9 @@ from sepv.schemes._tableaux import amplification as gauss_amplification
 
 
 def __getattr__(name: str) -> Any:  # a Scheme; mypy leaves a class that is named here unresolved
-    """The scheme of the catalogue whose file is `_name.py`, such as `midpoint` of `_midpoint.py`."""
+    """The scheme of the catalogue whose file is `_name.py`, such as `midpoint` of
+    `_midpoint.py`.
+    """
     if name in BY_FILE:
         return BY_FILE[name]
     raise AttributeError(f"module 'sepv.schemes' has no attribute {name!r}")

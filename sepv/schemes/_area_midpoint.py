@@ -1,11 +1,14 @@
-"""The stochastic midpoint rule with Lévy areas: mean-square order 1 for several Hamiltonians with any brackets.
+"""The stochastic midpoint rule with Lévy areas: mean-square order 1 for several Hamiltonians with
+any brackets.
 
-y1 = y0 + h f_0(ȳ) + Σ_j c_j ΔŴ_j f_j(ȳ) + Σ_{i<j} c_i c_j A_ij [f_i, f_j](ȳ),  ȳ = (y0 + y1)/2,  f_j = B∇H_j,
+y1 = y0 + h f_0(ȳ) + Σ_j c_j ΔŴ_j f_j(ȳ) + Σ_{i<j} c_i c_j A_ij [f_i, f_j](ȳ),
+ȳ = (y0 + y1)/2,  f_j = B∇H_j,
 
-with A_ij = ½∫(W_i dW_j − W_j dW_i) over the step and [f_i, f_j] = f_j′f_i − f_i′f_j. The area terms are the terms of
-the order of h that `sepv.schemes.stochastic_midpoint` lacks (P. Kloeden and E. Platen, Numerical Solution of Stochastic
-Differential Equations, 1992, §10.3). If two fields keep C, so does their bracket: quadratic and linear Casimirs are
-kept. If B is constant, the bracket is the Hamiltonian field of ±{H_i, H_j}, and the rule is symplectic.
+with A_ij = ½∫(W_i dW_j − W_j dW_i) over the step and [f_i, f_j] = f_j′f_i − f_i′f_j. The area terms
+are the terms of the order of h that `sepv.schemes.stochastic_midpoint` lacks (P. Kloeden and E.
+Platen, Numerical Solution of Stochastic Differential Equations, 1992, §10.3). If two fields keep C,
+so does their bracket: quadratic and linear Casimirs are kept. If B is constant, the bracket is the
+Hamiltonian field of ±{H_i, H_j}, and the rule is symplectic.
 """
 
 from __future__ import annotations
@@ -20,9 +23,11 @@ from sepv.schemes._stochastic_midpoint import CLAIMS
 
 
 def require_derivatives(problem: Problem) -> None:
-    """Raise Skipped for a problem with several noises that lacks second derivatives of its Hamiltonians, or B′.
+    """Raise Skipped for a problem with several noises that lacks second derivatives of its
+    Hamiltonians, or B′.
 
-    The brackets [f_i, f_j] need both. Differences of fields would give brackets with only half of the digits.
+    The brackets [f_i, f_j] need both. Differences of fields would give brackets with only half of
+    the digits.
     """
     second = problem.noise_hessians if isinstance(problem, HamiltoniansProblem) else problem.hessian
     if problem.noises > 1 and not (second and problem.structure_derivative):
@@ -32,7 +37,8 @@ def require_derivatives(problem: Problem) -> None:
 
 
 def increment(problem: Problem, y0: Array, y1: Array, known: Array) -> Increment:
-    """R of the step y1 = y0 + R. `known` (k, M) holds h, the c_j ΔW_j, and the c_i c_j A_ij with i < j.
+    """R of the step y1 = y0 + R. `known` (k, M) holds h, the c_j ΔW_j,
+    and the c_i c_j A_ij with i < j.
 
     The gradients of all Hamiltonians together count as one evaluation.
     """

@@ -1,4 +1,6 @@
-"""The schemes by name. To add one, write a file `_name.py` in this folder that defines `scheme`, and list it below."""
+"""The schemes by name. To add one, write a file `_name.py` in this folder that defines `scheme`,
+and list it below.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +67,9 @@ FAMILIES: dict[str, Callable[[int], Scheme]] = {"collocation": collocation, "gau
 
 
 def built_in(name: object) -> Scheme | None:
-    """The built-in scheme or member of a family such as "collocation-3" with this name; "_" counts as "-"."""
+    """The built-in scheme or member of a family such as "collocation-3" with this name;
+    "_" counts as "-".
+    """
     wanted = str(name).replace("_", "-")
     family, _, stages = wanted.rpartition("-")
     if family in FAMILIES and stages.isdecimal() and 1 <= int(stages) <= MAX_STAGES:

@@ -1,7 +1,8 @@
 """The names of the laws that a scheme can claim. Each law is a file of `sepv.properties`.
 
-A law may have parts, which are claimed and measured apart: LAW:PART, such as *poisson-map:constant*. A part says of
-some systems, or of some functions, what the law says of others. Both have one measurement, one bound and one page.
+A law may have parts, which are claimed and measured apart: LAW:PART, such as
+*poisson-map:constant*. A part says of some systems, or of some functions, what the law says of
+others. Both have one measurement, one bound and one page.
 """
 
 from __future__ import annotations
@@ -53,15 +54,18 @@ LAWS = (
     "right-limit",
 )
 
-# Laws about a scheme and its twin, a second program: they are measured only if one is given (`Scheme.twin`).
+# Laws about a scheme and its twin, a second program: they are measured only if one is given
+# (`Scheme.twin`).
 OF_TWINS = ("agreement",)
 ALL_LAWS = (*LAWS, *OF_TWINS)
 
-# Laws about paths, which do not apply to increments that match only some moments of the normal distribution.
+# Laws about paths, which do not apply to increments that match only some moments of the normal
+# distribution.
 PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-mean-square"))
 
 
-# Names of former versions, and the laws that say now what they said. They work for one version more.
+# Names of former versions, and the laws that say now what they said. They work for one version
+# more.
 FORMER = {
     "symplecticity": "poisson-map:constant",
     "any-casimir": "invariant:casimir",
@@ -76,9 +80,11 @@ FORMER = {
 
 
 def law_named(name: str) -> str:
-    """The name of a law as it is in `ALL_LAWS`. A former name, or one with underscores, is replaced.
+    """The name of a law as it is in `ALL_LAWS`. A former name, or one with underscores,
+    is replaced.
 
-    The first time that a process meets a former name, it warns. A name that is no law is returned as it is.
+    The first time that a process meets a former name, it warns. A name that is no law is returned
+    as it is.
     """
     plain = name.strip().replace("_", "-")
     if plain in FORMER:
@@ -88,7 +94,9 @@ def law_named(name: str) -> str:
 
 @cache
 def note_former(name: str) -> None:
-    """Warn, once in a process, that a law has another name; worker processes leave this to their parent."""
+    """Warn, once in a process, that a law has another name;
+    worker processes leave this to their parent.
+    """
     if multiprocessing.parent_process() is None:
         warnings.warn(
             f"the law {name} is now {FORMER[name]}: the old name ends with the next version",

@@ -1,9 +1,11 @@
-"""Continuation for steps that Newton's iteration does not solve: scaled steps (s·h, s·ΔW) are solved for growing s ≤ 1.
+"""Continuation for steps that Newton's iteration does not solve: scaled steps (s·h, s·ΔW)
+are solved for growing s ≤ 1.
 
-The solutions of the scaled steps form a curve that starts at y for s = 0. If the iteration for the whole step, s = 1,
-fails, this curve is followed from a small s on. Each solution is predicted by the secant through the two before it. The
-curve reaches s = 1, or ends earlier at a fold or at the edge of the domain. A result solves the equation of the whole
-step to rounding and is connected to y. The solved scaled steps of each path are counted. Laws never use continuation.
+The solutions of the scaled steps form a curve that starts at y for s = 0. If the iteration for
+the whole step, s = 1, fails, this curve is followed from a small s on. Each solution is predicted
+by the secant through the two before it. The curve reaches s = 1, or ends earlier at a fold or at
+the edge of the domain. A result solves the equation of the whole step to rounding and is
+connected to y. The solved scaled steps of each path are counted. Laws never use continuation.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ from sepv.problem import Array, Problem
 from sepv.schemes._one_step import COUNTS, merge, resolved
 from sepv.schemes._scheme import Scheme
 
-# The first value of s, so small that the iteration from y converges if it does for any s; and the least increment of s.
+# The first value of s, so small that the iteration from y converges if it does for any s; and the
+# least increment of s.
 FIRST, LEAST = 2.0**-8, 2.0**-14
 # The number of values of s that are tried before a curve is given up.
 CONTINUATION_MAXITER = 200
@@ -33,12 +36,14 @@ def continued(scheme: Scheme) -> Scheme:
     Parameters
     ----------
     scheme : Scheme
-        An implicit scheme, such as (2.1), whose `solve(problem, y, h, dW, start)` takes a guess (d, M) of y1 − y0.
+        An implicit scheme, such as (2.1), whose `solve(problem, y, h, dW, start)` takes a guess
+        (d, M) of y1 − y0.
 
     Returns
     -------
     Scheme
-        A scheme without claims. Its solutions have `continuations`, the number of scaled steps that were solved.
+        A scheme without claims. Its solutions have `continuations`, the number of scaled steps that
+        were solved.
 
     Raises
     ------
@@ -65,7 +70,9 @@ def continued(scheme: Scheme) -> Scheme:
 
 
 def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-    """Solve the scaled steps (s·h, s·ΔW) of one path for growing s; return the last, marked as failed unless s = 1."""
+    """Solve the scaled steps (s·h, s·ΔW) of one path for growing s; return the last,
+    marked as failed unless s = 1.
+    """
     share, growth, solved = 0.0, FIRST, 0
     z, slope = np.zeros_like(y), np.zeros_like(y)
     work = np.zeros(3, dtype=np.int64)
@@ -76,7 +83,8 @@ def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float
         work += [int(getattr(solution, key)[0]) for key in COUNTS]
         assert solution.change is not None  # a scheme whose solver takes a start gives the change
         moved = np.abs(solution.change - z).max()
-        # A solution too far from the prediction lies on another curve. For the first s there is no prediction.
+        # A solution too far from the prediction lies on another curve. For the first s there is no
+        # prediction.
         near = share == 0.0 or np.abs(solution.change - guess).max() <= 0.5 * moved
         if solution.status[0] == Status.CONVERGED and near:
             slope = (solution.change - z) / (trial - share)

@@ -1,15 +1,18 @@
-"""A Poisson integrator for Lotka-Volterra structures: the midpoint rule in logarithms, Darboux and Lie's coordinates.
+"""A Poisson integrator for Lotka-Volterra structures: the midpoint rule in logarithms,
+Darboux and Lie's coordinates.
 
-If B_ij(y) = b_ij y_i y_j, the logarithms x_i = ln y_i have the constant structure b and Hamiltonians K(x) = H(exp x).
-A symplectic method in x keeps the structure and every linear Casimir Σ γ_i x_i of b, which is the Casimir Σ γ_i ln y_i
-of B. All components of y stay positive:
+If B_ij(y) = b_ij y_i y_j, the logarithms x_i = ln y_i have the constant structure b and
+Hamiltonians K(x) = H(exp x). A symplectic method in x keeps the structure and every linear Casimir
+Σ γ_i x_i of b, which is the Casimir Σ γ_i ln y_i of B. All components of y stay positive:
 
-    x1 = x0 + f(ȳ)/ȳ,  ȳ = exp((x0 + x1)/2),  f = B(h∇H_0 + Σ c_j ΔŴ_j ∇H_j)   (ΔŴ_j: truncated ΔW_j),
+    x1 = x0 + f(ȳ)/ȳ,  ȳ = exp((x0 + x1)/2),  f = B(h∇H_0 + Σ c_j ΔŴ_j ∇H_j)
+    (ΔŴ_j: truncated ΔW_j),
 
-because b∇K(x) = B(y)∇H(y)/y, component by component. J. Hong, J. Ruan, L. Sun and L. Wang, Structure-preserving
-numerical methods for stochastic Poisson systems (Commun. Comput. Phys. 29, 2021), construct such integrators, and so do
-Q. Liu and L. Wang (J. Univ. Chin. Acad. Sci. 41, 2024) for stochastic Lotka-Volterra systems, with mean-square
-order 1. This scheme uses increments alone, so that its order is 1 if the noises commute, and ½ otherwise.
+because b∇K(x) = B(y)∇H(y)/y, component by component. J. Hong, J. Ruan, L. Sun and L. Wang,
+Structure-preserving numerical methods for stochastic Poisson systems (Commun. Comput. Phys. 29,
+2021), construct such integrators, and so do Q. Liu and L. Wang (J. Univ. Chin. Acad. Sci. 41, 2024)
+for stochastic Lotka-Volterra systems, with mean-square order 1. This scheme uses increments alone,
+so that its order is 1 if the noises commute, and ½ otherwise.
 """
 
 from __future__ import annotations
@@ -31,7 +34,9 @@ PROBLEMS = ("lotka-volterra", "random-lotka-volterra")
 
 
 def increment(problem: Problem, x0: Array, x1: Array, step: Array) -> Increment:
-    """R of the step x1 = x0 + R for x = ln y: f(ȳ)/ȳ with f = B(h∇H_0 + Σ c_j ΔŴ_j ∇H_j), counted as one evaluation."""
+    """R of the step x1 = x0 + R for x = ln y: f(ȳ)/ȳ with f = B(h∇H_0 + Σ c_j ΔŴ_j ∇H_j),
+    counted as one evaluation.
+    """
     middle = np.exp(x0 + 0.5 * (x1 - x0))
     return Increment(hamiltonian_field(problem, middle, step) / middle)
 
@@ -44,7 +49,9 @@ def require_products(problem: Problem) -> None:
 
 
 def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-    """Solve one step of a batch y (d, M), dW (m, M); the solution's residual is that of the equation for x = ln y."""
+    """Solve one step of a batch y (d, M), dW (m, M); the solution's residual is that of the
+    equation for x = ln y.
+    """
     require_products(problem)
     free = replace(problem, domain=None, check=False)  # logarithms may have any sign
     solution = solve_implicit(free, np.log(y), each_noise(problem, h, dW), increment, no_jacobian)

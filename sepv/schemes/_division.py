@@ -1,9 +1,11 @@
-"""Division of steps that have no solution: a step is replaced by two halves (h/2, ΔW/2), and each half likewise.
+"""Division of steps that have no solution: a step is replaced by two halves (h/2, ΔW/2),
+and each half likewise.
 
-For large Δ the implicit equation may have no solution near y. The exact solution of (1.1) after a step is the flow of
-B∇H at the time Δ, so that two halves lead to the state after the whole step. For several structures this state depends
-on the path of W inside the step, and two halves assume a straight line. Halves keep the invariants that the scheme
-keeps. A step with a solution is not changed. Divisions are counted for each path. Laws never divide steps.
+For large Δ the implicit equation may have no solution near y. The exact solution of (1.1) after a
+step is the flow of B∇H at the time Δ, so that two halves lead to the state after the whole step.
+For several structures this state depends on the path of W inside the step, and two halves assume a
+straight line. Halves keep the invariants that the scheme keeps. A step with a solution is not
+changed. Divisions are counted for each path. Laws never divide steps.
 """
 
 from __future__ import annotations
@@ -24,19 +26,22 @@ MAX_DEPTH = 20
 
 
 def divided(scheme: Scheme, depth: int = 8) -> Scheme:
-    """A copy of an implicit scheme that halves a step that fails, and then halves failing parts, up to `depth` times.
+    """A copy of an implicit scheme that halves a step that fails, and then halves failing parts,
+    up to `depth` times.
 
     Parameters
     ----------
     scheme : Scheme
         An implicit scheme, with `solve`.
     depth : int, 1 to 20
-        The largest number of times that a part is halved, so that one step has at most 2^depth parts.
+        The largest number of times that a part is halved, so that one step has at most 2^depth
+        parts.
 
     Returns
     -------
     Scheme
-        A scheme without claims. Its solutions have `divisions`, the number of steps and parts that were divided.
+        A scheme without claims. Its solutions have `divisions`, the number of steps and parts that
+        were divided.
 
     Raises
     ------
@@ -67,7 +72,8 @@ def _solve(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, dept
         return whole
     divisions[failed] += 1
     change = np.full_like(y, np.nan) if whole.change is None else whole.change.copy()
-    # The second half starts from the end of the first half, for the paths whose first half was solved.
+    # The second half starts from the end of the first half, for the paths whose first half was
+    # solved.
     first = _solve(scheme, problem, y[:, failed], h / 2, dW[:, failed] / 2, depth - 1)
     merge(whole, first, failed)
     arrived = failed[first.status == Status.CONVERGED]

@@ -1,6 +1,8 @@
-"""The Euler-Maruyama scheme on the Itô form of (1.1): y1 = y0 + (f + ½Σ_j c_j² f′f) h + f Σ_j c_j ΔŴ_j.
+"""The Euler-Maruyama scheme on the Itô form of (1.1): y1 = y0 + (f + ½Σ_j c_j² f′f)
+h + f Σ_j c_j ΔŴ_j.
 
-The scheme itself computes the correction ½Σ_j c_j² f′f from Stratonovich to Itô, for f = B∇H and its derivative f′.
+The scheme itself computes the correction ½Σ_j c_j² f′f from Stratonovich to Itô, for f = B∇H and
+its derivative f′.
 """
 
 from __future__ import annotations
@@ -13,7 +15,8 @@ from sepv.schemes._picture_look import Look
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG001 - an explicit scheme
-    """The increment y1 − y0 of an Euler-Maruyama step from y0 = y, for `step` = (h, S) with S = Σ c_j ΔŴ_j.
+    """The increment y1 − y0 of an Euler-Maruyama step from y0 = y, for `step` = (h, S)
+    with S = Σ c_j ΔŴ_j.
 
     The increment is (f + ½Σc_j² f′f) h + f S, with the field f = B∇H and its derivative f′ at y0.
     """

@@ -1,7 +1,8 @@
-"""Explicit Runge-Kutta tableaux: the classical method of order 4, and Dormand and Prince's method of order 8.
+"""Explicit Runge-Kutta tableaux: the classical method of order 4,
+and Dormand and Prince's method of order 8.
 
-The method of order 8 has the twelve stages of the code DOP853, without its error estimates: E. Hairer, S. P. Nørsett
-and G. Wanner, Solving Ordinary Differential Equations I, §II.5.
+The method of order 8 has the twelve stages of the code DOP853, without its error estimates: E.
+Hairer, S. P. Nørsett and G. Wanner, Solving Ordinary Differential Equations I, §II.5.
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ from typing import NamedTuple
 
 
 class ExplicitTableau(NamedTuple):
-    """The coefficients of an explicit Runge-Kutta method: row i of A is {j: a_ij} and b is {i: b_i}, without zeros."""
+    """The coefficients of an explicit Runge-Kutta method: row i of A is {j: a_ij} and b is {i:
+    b_i}, without zeros.
+    """
 
     A: tuple[dict[int, float], ...]
     b: dict[int, float]

@@ -1,4 +1,5 @@
-"""The Euler-Maruyama scheme for friction: y1 = y0 + h (B∇H − Γy0) + Σ_j c_j g_j ΔW_j, for any matrix Γ.
+"""The Euler-Maruyama scheme for friction: y1 = y0 + h (B∇H − Γy0) + Σ_j c_j g_j ΔW_j,
+for any matrix Γ.
 
 For additive noise its mean-square and weak order is 1 (P. Kloeden and E. Platen, 1992, §10.2).
 """
@@ -15,7 +16,9 @@ from sepv.schemes._one_step import CLAIMS_OF_ALL
 
 
 def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """y1 from y (d,) or (d, M) with increments dW (m,) or (m, M). Raises Skipped unless vectors give the noise."""
+    """y1 from y (d,) or (d, M) with increments dW (m,) or (m, M).
+    Raises Skipped unless vectors give the noise.
+    """
     if len(noise_vectors(problem)) != problem.noises:
         raise Skipped(f"the noise of {problem.name} is not given by constant vectors")
     return np.asarray(pushed(problem, y + h * drift(problem, y), dW))

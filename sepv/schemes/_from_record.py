@@ -1,9 +1,10 @@
-"""Newton's iteration as straight-line code: z − R(z) and (1 − K)⁻¹(z − R), K = ∂R/∂z, for a formula of R.
+"""Newton's iteration as straight-line code: z − R(z) and (1 − K)⁻¹(z − R), K = ∂R/∂z,
+for a formula of R.
 
-The formula is called with symbols that record its operations (`sepv.record`), and the code is made from this
-record. An iteration is then one function, of arrays or of the numbers of a single state; both give the same
-bits. Recording takes as long as a few steps. So only problems given by name are recorded, and not problems
-drawn at random.
+The formula is called with symbols that record its operations (`sepv.record`), and the code is made
+from this record. An iteration is then one function, of arrays or of the numbers of a single state;
+both give the same bits. Recording takes as long as a few steps. So only problems given by name are
+recorded, and not problems drawn at random.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from sepv.schemes._recorded import Recorded
 
 # The largest d for which Cramer's rule is written out.
 CRAMER_MAX_DIMENSION = 3
-# The most records in the cache, and the cache. A key has the problem's data, the formula, and its number of
-# inputs.
+# The most records in the cache, and the cache. A key has the problem's data, the formula, and its
+# number of inputs.
 MOST_RECORDS = 128
 _RECORDS: dict[Any, Record | None] = {}
 # Prefixes of modules that define or derive the functions of problems given by name.
@@ -31,10 +32,11 @@ _MODULES = ("sepv.problems.", "sepv.record.", "sepv.problem._derived")
 
 
 class Record(NamedTuple):
-    """The code of a Newton iteration as a function of (y, z, step), and the evaluations of ∇H and of B in R.
+    """The code of a Newton iteration as a function of (y, z, step),
+    and the evaluations of ∇H and of B in R.
 
-    The function returns z − R(z), Newton's correction, and a test, True where z minus the correction is in
-    the domain.
+    The function returns z − R(z), Newton's correction, and a test, True where z minus the
+    correction is in the domain.
     """
 
     source: Source
@@ -43,7 +45,8 @@ class Record(NamedTuple):
 
 
 def code(problem: Problem, formula: Formula, y0: Array, step: Array) -> Code | None:
-    """Newton's corrections by recorded code, for steps from y0 (d, M) with the numbers `step` (k, M), such as Δ.
+    """Newton's corrections by recorded code, for steps from y0 (d, M)
+    with the numbers `step` (k, M), such as Δ.
 
     The result is None if `record` returns None. For z in Python's numbers the code is of numbers
     too, with the same bits.
@@ -74,9 +77,9 @@ def code(problem: Problem, formula: Formula, y0: Array, step: Array) -> Code | N
 def record(problem: Problem, formula: Formula, count: int) -> Record | None:
     """The recorded Newton iteration of a formula for a problem given by name, from a cache.
 
-    The result is None for other problems, for d > CRAMER_MAX_DIMENSION, and if the formula cannot be
-    recorded. `count` is how many numbers of a step the formula uses. The keys of the cache hold the data of
-    problems, so that problems can be freed.
+    The result is None for other problems, for d > CRAMER_MAX_DIMENSION, and if the formula cannot
+    be recorded. `count` is how many numbers of a step the formula uses. The keys of the cache hold
+    the data of problems, so that problems can be freed.
     """
     if not _is_fixed(problem) or problem.dimension > CRAMER_MAX_DIMENSION:
         return None
@@ -107,7 +110,9 @@ def _recorded(problem: Problem, formula: Formula, count: int) -> Record | None:
 
 
 def _is_fixed(problem: Problem) -> bool:
-    """True for a problem given by name with all its own functions: none is replaced, wrapped or left out by a user."""
+    """True for a problem given by name with all its own functions: none is replaced,
+    wrapped or left out by a user.
+    """
     return (
         type(problem) is Problem
         and isinstance(problem.data, NamedProblem)
@@ -116,7 +121,9 @@ def _is_fixed(problem: Problem) -> bool:
 
 
 def _functions(problem: Problem) -> list[Any]:
-    """All functions that a problem consists of; `mean_gradient` and `domain` are left out if they are None."""
+    """All functions that a problem consists of; `mean_gradient` and `domain` are left out if they
+    are None.
+    """
     p, nambu = problem, problem.nambu
     functions: list[Any] = [p.structure, p.hamiltonian, p.gradient, p.hessian, p.structure_derivative]
     functions += [f for f in (p.mean_gradient, p.domain) if f is not None]

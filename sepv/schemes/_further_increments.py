@@ -1,7 +1,9 @@
-"""The fifth argument of a step, after dW: Lévy areas, space-time areas, or half-step increments (`Scheme.asks`).
+"""The fifth argument of a step, after dW: Lévy areas, space-time areas,
+or half-step increments (`Scheme.asks`).
 
-`sepv.simulate._areas` draws them. In arrays of increments they are k further rows below the m rows of dW: the A_ij with
-i < j, the H_i, or the increments W(h/2) − W(0). `answer` separates them, and calls the step with a fifth argument.
+`sepv.simulate._areas` draws them. In arrays of increments they are k further rows below the m rows
+of dW: the A_ij with i < j, the H_i, or the increments W(h/2) − W(0). `answer` separates them, and
+calls the step with a fifth argument.
 """
 
 from __future__ import annotations
@@ -18,18 +20,22 @@ from sepv.schemes._stateful import StatefulStep
 
 
 def further_rows(asks: str, noises: int) -> int:
-    """The number k of further rows below the m = `noises` rows of dW, for a scheme with `Scheme.asks` = `asks`."""
+    """The number k of further rows below the m = `noises` rows of dW,
+    for a scheme with `Scheme.asks` = `asks`.
+    """
     return {"": 0, "areas": noises * (noises - 1) // 2, "halves": noises, "space-time": noises}[asks]
 
 
 def answer(
     scheme: Scheme, problem: Problem, y: Any, h: float, dW: Array, *, any_path: bool = False, step: Step | None = None
 ) -> Any:  # fmt: skip
-    """y1 of one step of the scheme, for dW (m, ...), or (m + k, ...) with the rows for the scheme's fifth argument.
+    """y1 of one step of the scheme, for dW (m, ...), or (m + k, ...)
+    with the rows for the scheme's fifth argument.
 
-    A law that holds for every path may leave these rows out: with `any_path`, `rows_of_any_path` makes them. Otherwise
-    missing rows are a UsageError, because rows made up for a path do not have the distribution of drawn ones. A given
-    `step` replaces the scheme's step. If it is `StatefulStep.step`, y is the internal state.
+    A law that holds for every path may leave these rows out: with `any_path`, `rows_of_any_path`
+    makes them. Otherwise missing rows are a UsageError, because rows made up for a path do not have
+    the distribution of drawn ones. A given `step` replaces the scheme's step. If it is
+    `StatefulStep.step`, y is the internal state.
     """
     step = step or scheme.step
     if not scheme.asks:
@@ -54,7 +60,8 @@ def carry(
 ) -> tuple[Any, Any]:
     """One step of a path from y: y1, and the state that the scheme carries to its next step.
 
-    `state` is that after the previous step, or None at first and without a `StatefulStep`. For `any_path` see `answer`.
+    `state` is that after the previous step, or None at first and without a `StatefulStep`. For
+    `any_path` see `answer`.
     """
     rule = scheme.step
     if not isinstance(rule, StatefulStep):
@@ -65,16 +72,20 @@ def carry(
 
 
 def joined(asks: str, dW: Array, further: Array) -> Array:
-    """The array (m + k, ...) of the increments `dW` and, below them, `further` as rows: the argument dW of `answer`."""
+    """The array (m + k, ...) of the increments `dW` and, below them, `further` as rows:
+    the argument dW of `answer`.
+    """
     return np.concatenate([dW, as_rows(further) if asks == "areas" else further])
 
 
 def rows_of_any_path(asks: str, h: float, dW: Array) -> Array:
-    """Further rows (k, ...) of one possible path with the increments dW, for laws that hold for every path.
+    """Further rows (k, ...) of one possible path with the increments dW,
+    for laws that hold for every path.
 
-    The rows are not random. With u_i = ΔW_i/(1 + ΔW_i²/|h|) and s = ±1, the sign of h, A_ij is s(u_iΔW_j − u_jΔW_i)/8,
-    H_i is su_i/8, and the increments over the first half are ½ΔW + ¼su. Exchanging noises exchanges the rows. The
-    reverse step, with −h and −ΔW, has areas −A and space-time areas H. Its first half is minus this step's second half.
+    The rows are not random. With u_i = ΔW_i/(1 + ΔW_i²/|h|) and s = ±1, the sign of h, A_ij is
+    s(u_iΔW_j − u_jΔW_i)/8, H_i is su_i/8, and the increments over the first half are ½ΔW + ¼su.
+    Exchanging noises exchanges the rows. The reverse step, with −h and −ΔW, has areas −A and
+    space-time areas H. Its first half is minus this step's second half.
     """
     size = abs(h) if h else 1.0
     u = dW / (1 + dW * dW / size)

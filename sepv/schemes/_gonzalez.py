@@ -4,12 +4,13 @@ y1 = y0 + Δ B(ȳ) ∇̄H(y0, y1),  ȳ = (y0 + y1)/2,  Δ = h + Σ_j c_j ΔŴ_j 
 
 ∇̄H(y0, y1) = ∇H(ȳ) + [H(y1) − H(y0) − ∇H(ȳ)ᵀδ] δ/|δ|²,  δ = y1 − y0:
 
-see O. Gonzalez, Time integration and discrete Hamiltonian systems (J. Nonlinear Sci. 6, 1996), (3.5). Cohen and
-Dujardin (2014), §2, name this discrete gradient as another possibility.
+see O. Gonzalez, Time integration and discrete Hamiltonian systems (J. Nonlinear Sci. 6, 1996),
+(3.5). Cohen and Dujardin (2014), §2, name this discrete gradient as another possibility.
 
-Because ∇̄Hᵀδ = H(y1) − H(y0), H is kept for every skew B. Quadratic Casimirs are kept too, because B is taken at the
-midpoint and ∇C(ȳ)ᵀB(ȳ) = 0. Other Casimirs are not kept. The scheme is symmetric and uses the noise through Δ only. It
-commutes with rotations but not with scalings and shears, which change |δ|.
+Because ∇̄Hᵀδ = H(y1) − H(y0), H is kept for every skew B. Quadratic Casimirs are kept too, because
+B is taken at the midpoint and ∇C(ȳ)ᵀB(ȳ) = 0. Other Casimirs are not kept. The scheme is symmetric
+and uses the noise through Δ only. It commutes with rotations but not with scalings and shears,
+which change |δ|.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ from sepv.schemes._one_step import SYMMETRIC, implicit, one_step
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
     """R of the step y1 = y + R: Δ B(ȳ) ∇̄H with δ = z = y1 − y, ȳ = y + z/2 and Δ = step[0].
 
-    ∇̄H is computed as ∇H(ȳ) + e eᵀ(g − ∇H(ȳ)) with the average g of ∇H along the segment and e = δ/|δ|, or 0 if δ = 0.
-    Because H(y1) − H(y0) = gᵀδ, this formula has no difference of energies and no division by |δ|².
+    ∇̄H is computed as ∇H(ȳ) + e eᵀ(g − ∇H(ȳ)) with the average g of ∇H along the segment and
+    e = δ/|δ|, or 0 if δ = 0. Because H(y1) − H(y0) = gᵀδ, this formula has no difference of
+    energies and no division by |δ|².
     """
     middle, largest = y + 0.5 * z, np.max(np.abs(z), axis=0)
     moves = largest > 0

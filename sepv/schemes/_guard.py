@@ -1,4 +1,6 @@
-"""Guarded calls of a scheme under verification: each result is checked for its type, shape, dtype and values."""
+"""Guarded calls of a scheme under verification: each result is checked for its type, shape,
+dtype and values.
+"""
 
 from __future__ import annotations
 
@@ -23,14 +25,17 @@ from sepv.schemes._stateful import REFUSALS, PathSolver, StatefulStep, whole
 
 
 class Refusal(StepFailure):
-    """An ArithmeticError or LinAlgError that the scheme raised: it counts as a step that the scheme did not solve.
+    """An ArithmeticError or LinAlgError that the scheme raised:
+    it counts as a step that the scheme did not solve.
 
-    A scheme may refuse a step whose equation may have no solution. If it refuses any other step, laws report an error.
+    A scheme may refuse a step whose equation may have no solution. If it refuses any other step,
+    laws report an error.
     """
 
     def __init__(self, error: BaseException, problem: Problem, y: Array, h: float, dW: Array) -> None:
         self.problem, self.y, self.status = problem.name, y, "refused"
-        # The message gives Δ if there is one: batches and whole paths have many, and several structures have none.
+        # The message gives Δ if there is one: batches and whole paths have many, and several
+        # structures have none.
         whole = y.ndim == dW.ndim == 1 and not is_several(problem)
         self.delta = float(problem.random_step(h, dW)) if whole else float(h)
         self.residual, self.iterations = float("nan"), 0
@@ -49,7 +54,9 @@ _PACKAGE = str(Path(__file__).parents[1])
 
 
 def _where(error: BaseException) -> str:
-    """The file, line and function that raised an error, as a text in parentheses; empty if the place is unknown."""
+    """The file, line and function that raised an error, as a text in parentheses;
+    empty if the place is unknown.
+    """
     frames = traceback.extract_tb(error.__traceback__)[1:]  # without the frame that called the scheme
     # If the scheme calls a function of sepv that raises, the place in the scheme is shown.
     frames = [f for f in frames if not f.filename.startswith(_PACKAGE)] or frames
@@ -61,7 +68,9 @@ _TRACED = {"TracerArrayConversionError", "ConcretizationTypeError", "TracerBoolC
 
 
 class SchemeCrash(SepvError):
-    """An exception of the scheme that is no refusal of a step; `traceback` is the text of the exception's traceback."""
+    """An exception of the scheme that is no refusal of a step;
+    `traceback` is the text of the exception's traceback.
+    """
 
     def __init__(self, error: BaseException, shape: tuple[int, ...], given: str = "") -> None:
         self.traceback = "".join(traceback.format_exception(error))
@@ -87,17 +96,20 @@ def ask(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Arra
 def ask_next(
     scheme: Scheme, problem: Problem, y: Array, state: Any, h: float, dW: Array
 ) -> tuple[Array, Any]:
-    """y1 of one step of the scheme, checked by `check_answer`, and the state that the scheme carries to the next step.
+    """y1 of one step of the scheme, checked by `check_answer`,
+    and the state that the scheme carries to the next step.
 
-    The scheme gets copies of the arguments. `state` is the state after the step before. It is None at the beginning of
-    a path, and for schemes without a `StatefulStep`.
+    The scheme gets copies of the arguments. `state` is the state after the step before. It is None
+    at the beginning of a path, and for schemes without a `StatefulStep`.
 
     Raises
     ------
     SchemeFault
-        If the result has a wrong type, shape or dtype or is not finite, or if the scheme changed an argument.
+        If the result has a wrong type, shape or dtype or is not finite, or if the scheme changed an
+        argument.
     StepFailure
-        If the scheme did not solve the step: its own StepFailure, or a `Refusal` for an ArithmeticError.
+        If the scheme did not solve the step: its own StepFailure, or a `Refusal` for an
+        ArithmeticError.
     SchemeCrash
         For any other exception of the scheme.
     """
@@ -110,7 +122,9 @@ def ask_next(
 
 
 def require_unchanged(**arguments: tuple[Array, Array]) -> None:
-    """Raise a SchemeFault if a step has changed an argument; each is given as (array before, array after)."""
+    """Raise a SchemeFault if a step has changed an argument;
+    each is given as (array before, array after).
+    """
     for name, (before, after) in arguments.items():
         frozen = "" if after.flags.writeable else ", and read-only,"
         if frozen or before.shape != after.shape or before.tobytes() != after.tobytes():
@@ -122,16 +136,20 @@ def require_unchanged(**arguments: tuple[Array, Array]) -> None:
 
 
 def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Any:
-    """The scheme's result without any check; the scheme is called with the given arrays themselves, not with copies."""
+    """The scheme's result without any check; the scheme is called with the given arrays themselves,
+    not with copies.
+    """
     with translated(problem, y, h, dW):
         return answer(scheme, shown(problem, scheme.needs), y, h, dW, any_path=True)
 
 
 @contextmanager
 def translated(problem: Problem, y: Array, h: float, dW: Array) -> Iterator[None]:
-    """A context for calls of a scheme that turns the scheme's exceptions into `Refusal` or `SchemeCrash`.
+    """A context for calls of a scheme that turns the scheme's exceptions into `Refusal` or
+    `SchemeCrash`.
 
-    The messages name the problem, y, h and dW. At the end the process rounds to nearest again, with subnormal numbers.
+    The messages name the problem, y, h and dW. At the end the process rounds to nearest again, with
+    subnormal numbers.
     """
     given = (
         f", called with the problem {problem.name}, y of shape {y.shape}, h = {h:g}, dW of shape {dW.shape}"
@@ -156,7 +174,9 @@ def translated(problem: Problem, y: Array, h: float, dW: Array) -> Iterator[None
 
 
 def require_one_return(shape: tuple[int, ...] = (), given: str = "") -> None:
-    """Raise a SchemeCrash if a step forked, and its copy of this process came back as this process did."""
+    """Raise a SchemeCrash if a step forked, and its copy of this process came back as this process
+    did.
+    """
     if returned_twice():
         error = RuntimeError(
             "the step forked this process and came back in the copy too, which was ended: os._exit in the copy, "
@@ -170,7 +190,9 @@ _NUMPY = {module: dict(vars(module)) for module in (np, np.linalg, np.random)}
 
 
 def restored_names() -> str:
-    """Restore what a scheme removed from NumPy's modules or replaced there; return the names, empty if none."""
+    """Restore what a scheme removed from NumPy's modules or replaced there; return the names,
+    empty if none.
+    """
     changed = []
     for module, before in _NUMPY.items():
         now, names = (
@@ -225,7 +247,9 @@ def _of_dtype(received: np.dtype[Any], expected: str) -> str:
 
 
 def _jax_is_single(before: str = "") -> str:
-    """The remedy for JAX without float64, after the words `before`; "" if JAX is not loaded, or computes in float64."""
+    """The remedy for JAX without float64, after the words `before`; "" if JAX is not loaded,
+    or computes in float64.
+    """
     config = getattr(sys.modules.get("jax"), "config", None)
     if getattr(config, "jax_enable_x64", True):
         return ""
@@ -233,9 +257,11 @@ def _jax_is_single(before: str = "") -> str:
 
 
 def guarded(scheme: Scheme) -> Scheme:
-    """A copy of a scheme for long runs: exceptions become `Refusal` or `SchemeCrash`, and results are checked.
+    """A copy of a scheme for long runs: exceptions become `Refusal` or `SchemeCrash`,
+    and results are checked.
 
-    NaN and infinity are allowed, because a path may diverge. The copy has no `solve`: its `step` is called.
+    NaN and infinity are allowed, because a path may diverge. The copy has no `solve`: its `step` is
+    called.
     """
 
     def carried(
@@ -273,17 +299,21 @@ def _step_in_words(problem: Problem, y: Array, h: float, dW: Array) -> str:
 
 
 def ask_once(scheme: Scheme, problem: Problem, y: Array, h: float) -> None:
-    """Check a scheme without `solve` by a step with dW = 0; any error is raised except StepFailure."""
+    """Check a scheme without `solve` by a step with dW = 0; any error is raised except
+    StepFailure.
+    """
     if scheme.solve is None:
         with suppress(StepFailure):
             guarded(scheme).step(problem, y, h, np.zeros(problem.noises))
 
 
 def takes_batches(scheme: Scheme, given: Iterable[Problem] = ()) -> bool:
-    """True if a scheme's step accepts batches: for a batch of five states it returns the bits of each state alone.
+    """True if a scheme's step accepts batches: for a batch of five states it returns the bits of
+    each state alone.
 
-    The step is tried on the problems `given`, else on two of the paper's. For a user's problem the states are reached
-    from its initial state by small steps, because a step from an arbitrary state may fail for other reasons.
+    The step is tried on the problems `given`, else on two of the paper's. For a user's problem the
+    states are reached from its initial state by small steps, because a step from an arbitrary state
+    may fail for other reasons.
     """
     from sepv import problems
 
@@ -296,7 +326,8 @@ def takes_batches(scheme: Scheme, given: Iterable[Problem] = ()) -> bool:
         unit = 2.0**-6 if candidates else 1.0
         if not candidates:
             y = y * (1 + 0.1 * rng.standard_normal(y.shape))
-        # For a user's problem the five paths start from one state, and their states differ from the second step on.
+        # For a user's problem the five paths start from one state, and their states differ from the
+        # second step on.
         for h in (unit / 16, unit / 32, unit / 64)[: 3 if candidates else 1]:
             dW = 0.1 * unit * rng.standard_normal((problem.noises, 5))
             try:

@@ -1,14 +1,18 @@
-"""Splitting methods for Langevin dynamics, named by the order of their parts: BAOAB, OBABO and others.
+"""Splitting methods for Langevin dynamics, named by the order of their parts: BAOAB,
+OBABO and others.
 
-The letters of a name stand for exact flows of parts of dq = M⁻¹p dt, dp = (−∇V − γp) dt + σ dW over the time h, shared
-evenly by equal letters (B. Leimkuhler and C. Matthews, Appl. Math. Res. Express 2013; Molecular Dynamics, 2015, §7.3):
+The letters of a name stand for exact flows of parts of dq = M⁻¹p dt, dp = (−∇V − γp) dt + σ dW over
+the time h, shared evenly by equal letters (B. Leimkuhler and C. Matthews, Appl. Math. Res. Express
+2013; Molecular Dynamics, 2015, §7.3):
 
-    A: q ← q + tM⁻¹p,    B: p ← p − t∇V(q),    O: p ← e^{−γt}p + √((1 − e^{−2γt})/(2γt)) σΔW,    ΔW ~ N(0, t).
+    A: q ← q + tM⁻¹p,    B: p ← p − t∇V(q),
+    O: p ← e^{−γt}p + √((1 − e^{−2γt})/(2γt)) σΔW,    ΔW ~ N(0, t).
 
-A method with one O takes the increment ΔW of the step. One with two O's takes those of the two halves of the step.
-With constant noise in p each of these methods has mean-square order 1, and a palindrome has weak order 2. A and B are
-symplectic, and O multiplies each momentum by e^{−γt}, so that Φ′BΦ′ᵀ = e^{−γh}B. For V = ½ω²q² BAOAB and ABOBA have
-the exact ⟨q²⟩ for every stable h, and OBABO has the exact ⟨p²⟩.
+A method with one O takes the increment ΔW of the step. One with two O's takes those of the two
+halves of the step. With constant noise in p each of these methods has mean-square order 1, and a
+palindrome has weak order 2. A and B are symplectic, and O multiplies each momentum by e^{−γt}, so
+that Φ′BΦ′ᵀ = e^{−γh}B. For V = ½ω²q² BAOAB and ABOBA have the exact ⟨q²⟩ for every stable h, and
+OBABO has the exact ⟨p²⟩.
 """
 
 from __future__ import annotations
@@ -36,12 +40,16 @@ def parts_of(problem: Problem) -> Langevin:
 
 @dataclass(frozen=True)
 class Splitting:
-    """The step of the method with the given letters, (problem, y, h, dW) or with `first` (problem, y, h, dW, first)."""
+    """The step of the method with the given letters, (problem, y, h, dW)
+    or with `first` (problem, y, h, dW, first).
+    """
 
     letters: str
 
     def __call__(self, problem: Problem, y: Array, h: float, dW: Array, first: Array | None = None) -> Array:
-        """y1 from y (d,) or (d, M); `dW` and `first`, (m,) or (m, M), belong to the step and to its first half."""
+        """y1 from y (d,) or (d, M); `dW` and `first`, (m,) or (m, M),
+        belong to the step and to its first half.
+        """
         own, noise = parts_of(problem), np.asarray(dW)
         increments = iter((noise,) if first is None else (first, noise - first))
         q, p = own.mechanics.split(y)
@@ -63,7 +71,9 @@ def splitting(letters: str, claims: Any = CLAIMS, source: str = "Leimkuhler and 
 
 
 def of_friction(name: str, step: Any, claims: Any, source: str, weak: float = 2.0, **facts: Any) -> Scheme:
-    """A scheme for friction of mean-square order 1, and of order `weak` in the mean and without noise."""
+    """A scheme for friction of mean-square order 1, and of order `weak` in the mean and without
+    noise.
+    """
     usual: dict[str, Any] = {"truncation": None, "systems": Systems.FRICTION, "weak_order": weak}
     return replace(one_step(name, step, claims, source, **usual | facts), order=weak)
 

@@ -1,11 +1,13 @@
-"""Störmer-Verlet and its compositions for H = ½ pᵀM⁻¹p + V(q): kicks p −= bΔ∇V(q) and drifts q += aΔM⁻¹p in turn.
+"""Störmer-Verlet and its compositions for H = ½ pᵀM⁻¹p + V(q): kicks p −= bΔ∇V(q)
+and drifts q += aΔM⁻¹p in turn.
 
     kick b_1, drift a_1, kick b_2, …, drift a_s, kick b_{s+1},   Σa = Σb = 1,   Δ = h + Σ_j c_j ΔŴ_j
 
-The leapfrog has b = (½, ½), a = (1) (L. Verlet, Phys. Rev. 159, 1967). Every kick and drift is the exact flow of a part
-of H, so that the map is symplectic. It is symmetric if the coefficients read the same from both ends. H is not kept,
-but its error stays bounded if the step is small. With the random step Δ a method of even order p has mean-square and
-weak order p/2 (`sepv.schemes._explicit`).
+The leapfrog has b = (½, ½), a = (1) (L. Verlet, Phys. Rev. 159, 1967). Every kick and drift is the
+exact flow of a part of H, so that the map is symplectic. It is symmetric if the coefficients read
+the same from both ends. H is not kept, but its error stays bounded if the step is small. With the
+random step Δ a method of even order p has mean-square and weak order p/2
+(`sepv.schemes._explicit`).
 """
 
 from __future__ import annotations
@@ -27,13 +29,17 @@ CLAIMS = CLAIMS_OF_ALL | {
 
 @dataclass(frozen=True)
 class KicksAndDrifts:
-    """The formula of a step of s + 1 kicks p −= bΔ∇V(q) and s drifts q += aΔM⁻¹p, for given numbers b and a."""
+    """The formula of a step of s + 1 kicks p −= bΔ∇V(q) and s drifts q += aΔM⁻¹p,
+    for given numbers b and a.
+    """
 
     kicks: tuple[float, ...]
     drifts: tuple[float, ...]
 
     def __call__(self, fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG002 - explicit
-        """The increment y1 − y of a step with Δ = step[0]. Raises Skipped for a problem that is not mechanical."""
+        """The increment y1 − y of a step with Δ = step[0].
+        Raises Skipped for a problem that is not mechanical.
+        """
         try:
             system = mechanics(fields.problem)
         except UsageError as error:
@@ -53,7 +59,8 @@ class KicksAndDrifts:
 
 
 def composed(shares: Sequence[float]) -> KicksAndDrifts:
-    """Leapfrog steps of the lengths `shares`·Δ, one after the other, as one sequence of kicks and drifts.
+    """Leapfrog steps of the lengths `shares`·Δ, one after the other,
+    as one sequence of kicks and drifts.
 
     The last kick of each leapfrog step and the first kick of the next form one kick.
     """
@@ -64,7 +71,8 @@ def composed(shares: Sequence[float]) -> KicksAndDrifts:
 def palindrome(kicks: Sequence[float], drifts: Sequence[float]) -> KicksAndDrifts:
     """The symmetric sequence of kicks and drifts whose first half is given.
 
-    The middle kick and the two middle drifts follow, because the kicks b add up to 1, and so do the drifts a.
+    The middle kick and the two middle drifts follow, because the kicks b add up to 1, and so do the
+    drifts a.
     """
     b, a = (*kicks, 1 - 2 * sum(kicks)), (*drifts, 0.5 - sum(drifts))
     return KicksAndDrifts((*b, *b[-2::-1]), (*a, *a[::-1]))

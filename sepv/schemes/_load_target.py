@@ -1,4 +1,6 @@
-"""Schemes and problems loaded from a built-in name, from module:attribute, or from the object itself."""
+"""Schemes and problems loaded from a built-in name, from module:attribute,
+or from the object itself.
+"""
 
 from __future__ import annotations
 
@@ -36,17 +38,20 @@ def load_scheme(
     Parameters
     ----------
     target : str, Scheme or function
-        A built-in name (``energy-preserving``), a solver of another library (``sdeint-strat-heun``),
-        ``module:attribute``, a `Scheme`, or a function ``step(problem, y, h, dW)``, which claims nothing.
+        A built-in name (``energy-preserving``), a solver of another library
+        (``sdeint-strat-heun``), ``module:attribute``, a `Scheme`, or a function
+        ``step(problem, y, h, dW)``, which claims nothing.
     claims : iterable of law names
         Laws that the scheme is to claim, added to its own claims.
     problems : iterable of Problem
-        Problems on which a function is called to see whether it takes batches; by default two of the paper's.
+        Problems on which a function is called to see whether it takes batches; by default two of
+        the paper's.
 
     Raises
     ------
     TargetError
-        For a target that cannot be loaded or is no scheme. The message says what the target is instead.
+        For a target that cannot be loaded or is no scheme. The message says what the target is
+        instead.
     """
     name = getattr(target, "__name__", "scheme")
     scheme = _named(target, problems) if isinstance(target, str) else as_scheme(target, name, problems)
@@ -87,7 +92,9 @@ def as_scheme(value: Any, name: str, problems: Iterable[Problem] = ()) -> Scheme
 
 
 def _check_signature(step: Any, name: str, count: int = 4) -> None:
-    """Raise a TargetError for a function that cannot be called with `count` arguments, (problem, y, h, dW) first."""
+    """Raise a TargetError for a function that cannot be called with `count` arguments,
+    (problem, y, h, dW) first.
+    """
     if count == 4 and isinstance(step, (Explicit, Implicit)):
         return  # both classes take these four arguments, and `inspect` would take longer than a step
     try:
@@ -112,7 +119,9 @@ def _check_signature(step: Any, name: str, count: int = 4) -> None:
 
 
 def _named(target: str, problems: Iterable[Problem]) -> Scheme:
-    """The scheme that a text names: a built-in scheme, a solver of another library, or module:attribute."""
+    """The scheme that a text names: a built-in scheme, a solver of another library,
+    or module:attribute.
+    """
     if ":" in target:
         return as_scheme(load_object(target), target, problems)
     from sepv.schemes._catalogue import by_name
@@ -120,7 +129,8 @@ def _named(target: str, problems: Iterable[Problem]) -> Scheme:
     try:
         return by_name(target)
     except UsageError as error:
-        # `sepv.peers` imports `sepv.schemes`: it is imported here, only for names that are not built in.
+        # `sepv.peers` imports `sepv.schemes`: it is imported here, only for names that are not
+        # built in.
         peers = importlib.import_module("sepv.peers.peer")
         if peers.library_of(target):
             solver: Scheme = peers.scheme(target)
@@ -139,8 +149,9 @@ def load_problem(target: Any) -> Problem:
     Parameters
     ----------
     target : str, Problem, function, PolynomialSystem or NamedProblem
-        A built-in name (``rigid-body``), a file of polynomial data (``.json``), ``module:attribute``; or a
-        `Problem`, a function without arguments that returns one, or its data.
+        A built-in name (``rigid-body``), a file of polynomial data (``.json``),
+        ``module:attribute``; or a `Problem`, a function without arguments that returns one, or its
+        data.
 
     Raises
     ------
@@ -174,7 +185,8 @@ def load_problem(target: Any) -> Problem:
 def words_for(scheme: Any, problems: Any = None) -> str:
     """The arguments of ``sepv verify`` on the command line that name a scheme and its problems.
 
-    The text is empty for objects that no text names, such as a function defined in a Python session.
+    The text is empty for objects that no text names, such as a function defined in a Python
+    session.
     """
     from sepv.schemes._catalogue import by_name
 
@@ -193,7 +205,8 @@ def words_for(scheme: Any, problems: Any = None) -> str:
 
 
 def as_twin(target: Any, bits: bool = False) -> Twin | None:
-    """The twin that `agrees_with` names, any target of `load_scheme` or a `Twin`; None if it is None.
+    """The twin that `agrees_with` names, any target of `load_scheme` or a `Twin`;
+    None if it is None.
 
     Raises UsageError if equal `bits` are asked of no twin.
     """
@@ -239,9 +252,11 @@ def _from_file(path: Path) -> Problem:
 
 
 def require_trusted(targets: Iterable[Any], named: Iterable[str], scheme: Any) -> None:
-    """Refuse a target module:attribute read from a file or a replay token, because importing a module runs its code.
+    """Refuse a target module:attribute read from a file or a replay token,
+    because importing a module runs its code.
 
-    Allowed are the targets in `named`, which the user has given, and those in the scheme's package, which runs anyway.
+    Allowed are the targets in `named`, which the user has given, and those in the scheme's package,
+    which runs anyway.
 
     Raises
     ------
@@ -262,7 +277,9 @@ def require_trusted(targets: Iterable[Any], named: Iterable[str], scheme: Any) -
 
 
 def load_object(target: str) -> Any:
-    """Import module:attribute. Raises TargetError if the module cannot be imported or has no such attribute."""
+    """Import module:attribute. Raises TargetError if the module cannot be imported or has no such
+    attribute.
+    """
     module_name, _, attribute = target.partition(":")
     if module_name.endswith(".py"):
         raise UnknownTarget(
@@ -287,7 +304,9 @@ def load_object(target: str) -> Any:
 
 
 def _no_attribute(module: Any, attribute: str) -> UnknownTarget:
-    """The error for a name that a module lacks; it lists the schemes, the problems and the module's own functions."""
+    """The error for a name that a module lacks; it lists the schemes,
+    the problems and the module's own functions.
+    """
     public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
     records = [name for name, value in public.items() if isinstance(value, (Scheme, Problem))]
     # Imported functions are suggested for a similar name, and not listed.
@@ -308,7 +327,8 @@ def _no_attribute(module: Any, attribute: str) -> UnknownTarget:
 
 
 def _as_module(target: str) -> str:
-    """The remedy for a target that is the name of a file: ``mine:step`` for mine.py, ./mine.py:step or mine.
+    """The remedy for a target that is the name of a file: ``mine:step`` for mine.py,
+    ./mine.py:step or mine.
 
     The text is empty if the name has no .py and there is no such file.
     """
@@ -323,7 +343,9 @@ def _as_module(target: str) -> str:
 
 
 def _likely_step(file: Path) -> str:
-    """The name of the first public function of a file that takes four arguments, without running it; else "step"."""
+    """The name of the first public function of a file that takes four arguments,
+    without running it; else "step".
+    """
     try:
         body = ast.parse(read_bounded(file)).body
     except (OSError, SyntaxError, ValueError):
@@ -334,7 +356,8 @@ def _likely_step(file: Path) -> str:
 
 def _module(name: str) -> Any:
     """Import a module. Raises TargetError, with the reason, if the import fails."""
-    # Modules of the current directory can be named. It stands last, so that none of them hides a module of Python's.
+    # Modules of the current directory can be named. It stands last, so that none of them hides a
+    # module of Python's.
     if os.getcwd() not in sys.path and "" not in sys.path:
         sys.path.append(os.getcwd())
     try:

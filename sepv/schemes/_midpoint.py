@@ -1,4 +1,6 @@
-"""The stochastic midpoint rule (3.4), §4 of the paper: y1 = y0 + f((y0 + y1)/2)(h + Σ_j c_j ΔŴ_j) with f = B∇H."""
+"""The stochastic midpoint rule (3.4), §4 of the paper: y1 = y0 + f((y0 + y1)/2)(h + Σ_j c_j ΔŴ_j)
+with f = B∇H.
+"""
 
 from __future__ import annotations
 

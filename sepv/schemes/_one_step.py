@@ -21,13 +21,15 @@ from sepv.schemes._from_record import code
 from sepv.schemes._further_increments import as_rows
 from sepv.schemes._scheme import Scheme, Solve, as_lanes, truncation_for
 
-# A function (problem, h, dW, ...) -> (k, M): the numbers of each step that a formula uses, such as Δ = h + Σ c_j ΔW_j.
+# A function (problem, h, dW, ...) -> (k, M): the numbers of each step that a formula uses, such as
+# Δ = h + Σ c_j ΔW_j.
 Parts = Callable[..., Array]
 
 # The attributes of `Solution` with counts that every solver reports.
 COUNTS = ("iterations", "gradient_evaluations", "structure_evaluations")
 
-# Laws claimed by all built-in schemes, by methods for y′ = f(y) with step Δ, by symmetric, by energy-preserving ones.
+# Laws claimed by all built-in schemes, by methods for y′ = f(y) with step Δ, by symmetric, by
+# energy-preserving ones.
 CLAIMS_OF_ALL = frozenset(("contract", "reproducibility", "truncation"))
 RANDOM_STEP = CLAIMS_OF_ALL | {"identity", "noise-sum", "random-step", "expansion", "equivariance"}
 SYMMETRIC = RANDOM_STEP | {"casimir", "midpoint", "symmetry", "reversibility"}
@@ -35,28 +37,37 @@ ENERGY_PRESERVING = SYMMETRIC | {"energy", "reduction", "reference", "rounding"}
 
 
 def random_step(problem: Problem, h: float, noise: Array) -> Array:
-    """The random step Δ = h + Σ c_j ΔW_j of M paths, for formulas that use the noise through Δ alone: (1, M)."""
+    """The random step Δ = h + Σ c_j ΔW_j of M paths, for formulas that use the noise through Δ
+    alone: (1, M).
+    """
     return problem.random_step(h, noise)[None]
 
 
 def drift_and_noise(problem: Problem, h: float, noise: Array) -> Array:
-    """The numbers h and S = Σ c_j ΔW_j of M paths, for formulas that treat drift and noise apart: (2, M)."""
+    """The numbers h and S = Σ c_j ΔW_j of M paths, for formulas that treat drift and noise apart:
+    (2, M).
+    """
     return np.stack([np.full(noise.shape[1], float(h)), problem.random_step(0.0, noise)])
 
 
 def noise_and_areas(problem: Problem, h: float, noise: Array, areas: Array) -> Array:
-    """The numbers h, c_j ΔW_j, and c_i c_j A_ij for i < j of M paths, (k, M); A (m, m) or (m, m, M) are Lévy areas."""
+    """The numbers h, c_j ΔW_j, and c_i c_j A_ij for i < j of M paths, (k, M); A (m, m) or (m, m, M)
+    are Lévy areas.
+    """
     rows = as_rows(np.asarray(areas)).reshape(-1, noise.shape[1])
     weights = [problem.c[i] * problem.c[j] for i, j in combinations(range(problem.noises), 2)]
     return np.concatenate([each_noise(problem, h, noise), np.reshape(weights, (-1, 1)) * rows])
 
 
 def no_jacobian(*_: Any) -> None:
-    """Return None in the place of a Jacobian, so that the solver forms it from differences of the right side."""
+    """Return None in the place of a Jacobian, so that the solver forms it from differences of the
+    right side.
+    """
 
 
 def require_converged(problem: Problem, y: Array, h: float, dW: Array, solution: Solution) -> Array:
-    """y1 of a solution, (d, M), if all paths converged. Raises StepFailure for the first path that did not.
+    """y1 of a solution, (d, M), if all paths converged.
+    Raises StepFailure for the first path that did not.
 
     The message describes the step by y (d, M), h and dW (m, M).
     """
@@ -75,7 +86,8 @@ def require_converged(problem: Problem, y: Array, h: float, dW: Array, solution:
 
 
 def merge(whole: Solution, part: Solution, lanes: Lanes) -> None:
-    """Write the solution `part` of some lanes (paths) into the solution `whole` of all lanes, and add up the counts.
+    """Write the solution `part` of some lanes (paths) into the solution `whole` of all lanes,
+    and add up the counts.
 
     Attributes that are None in one of the two solutions stay unchanged.
     """
@@ -130,7 +142,8 @@ class Implicit:
     def __call__(self, problem: Problem, y: Array, h: float, dW: Array, *further: Array) -> Array:
         """y1 of one step for y (d,) or (d, M) and dW (m,) or (m, M), truncated by the caller.
 
-        Raises Skipped for a problem that the scheme cannot solve, and StepFailure if the equation was not solved.
+        Raises Skipped for a problem that the scheme cannot solve, and StepFailure if the equation
+        was not solved.
         """
         state, noise = as_lanes(problem, y, h, dW)
         solution = self._solved(problem, state, noise, h, None, *further)
@@ -139,7 +152,9 @@ class Implicit:
 
 @dataclass(frozen=True)
 class Solved:
-    """The step of a scheme with its own solver `of_lanes(problem, y, h, dW)` for batches y (d, M), dW (m, M)."""
+    """The step of a scheme with its own solver `of_lanes(problem, y, h, dW)` for batches y (d, M),
+    dW (m, M).
+    """
 
     of_lanes: Solve
 
@@ -149,7 +164,9 @@ class Solved:
         return self.of_lanes(problem, state, h, noise)
 
     def __call__(self, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        """y1 of one step for y (d,) or (d, M), dW (m,) or (m, M). Raises StepFailure if the equation was not solved."""
+        """y1 of one step for y (d,) or (d, M), dW (m,) or (m, M).
+        Raises StepFailure if the equation was not solved.
+        """
         state, noise = as_lanes(problem, y, h, dW)
         solution = self.of_lanes(problem, state, h, noise)
         return require_converged(problem, state, h, noise, solution).reshape(np.shape(y))
@@ -170,12 +187,16 @@ class Explicit:
 
 
 def implicit(formula: Formula, jacobian: JacobianFunction = no_jacobian, **more: Any) -> Implicit:
-    """The implicit step y1 = y0 + R with the given formula of R; `more` are further attributes of `Implicit`."""
+    """The implicit step y1 = y0 + R with the given formula of R;
+    `more` are further attributes of `Implicit`.
+    """
     return Implicit(partial(counted, formula), jacobian, formula=formula, **more)
 
 
 def resolved(scheme: Scheme, word: str, of_lanes: Solve, how: str) -> Scheme:
-    """A copy of a scheme with the solver `of_lanes` and no claims; `word` and `how` extend its name and source."""
+    """A copy of a scheme with the solver `of_lanes` and no claims;
+    `word` and `how` extend its name and source.
+    """
     step = Solved(of_lanes)
     return replace(
         scheme, name=f"{scheme.name}, {word}", step=step, solve=step.solve, claims=(),
@@ -186,7 +207,8 @@ def resolved(scheme: Scheme, word: str, of_lanes: Solve, how: str) -> Scheme:
 def one_step(name: str, step: Any, claims: Any, source: str, order: float = 1.0, **facts: Any) -> Scheme:
     """The `Scheme` with a step of this module; `facts` are further attributes of `Scheme`.
 
-    Unless `facts` say otherwise, mean-square and weak order are `order`, and `truncation_for` gives the truncation.
+    Unless `facts` say otherwise, mean-square and weak order are `order`, and `truncation_for` gives
+    the truncation.
     """
     usual: dict[str, Any] = {"mean_square_order": order, "weak_order": order}
     usual |= {"truncation": truncation_for(order), "solve": getattr(step, "solve", None)}

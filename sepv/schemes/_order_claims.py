@@ -1,8 +1,10 @@
-"""Claims of order that depend on the noise, for schemes of several Hamiltonians that use only increments.
+"""Claims of order that depend on the noise, for schemes of several Hamiltonians that use only
+increments.
 
-A plain number is a claim for every kind of noise. `Orders` claims a higher order where terms of the stochastic Taylor
-expansion vanish (P. Kloeden and E. Platen, Numerical Solution of Stochastic Differential Equations, 1992, §10.3, §11):
-for example, Lévy areas of two noises are multiplied by the bracket of their fields, which is 0 if the fields commute.
+A plain number is a claim for every kind of noise. `Orders` claims a higher order where terms of the
+stochastic Taylor expansion vanish (P. Kloeden and E. Platen, Numerical Solution of Stochastic
+Differential Equations, 1992, §10.3, §11): for example, Lévy areas of two noises are multiplied by
+the bracket of their fields, which is 0 if the fields commute.
 """
 
 from __future__ import annotations
@@ -13,15 +15,17 @@ COLUMNS = ("general", "commutative", "one", "additive")
 
 
 class Orders(float):
-    """A claimed order of convergence: a float for noise in general, with further orders for special kinds of noise.
+    """A claimed order of convergence: a float for noise in general,
+    with further orders for special kinds of noise.
 
     Parameters
     ----------
     general : float
         The order for any noises, which is the value of the float.
     commutative, one, additive : float, optional
-        The orders for noises whose fields commute, for one noise, and for constant fields. An order left out is that of
-        the next wider kind: `general` for `commutative`, and `commutative` for `one` and `additive`.
+        The orders for noises whose fields commute, for one noise, and for constant fields. An order
+        left out is that of the next wider kind: `general` for `commutative`, and `commutative` for
+        `one` and `additive`.
 
     Examples
     --------
@@ -67,7 +71,9 @@ class Orders(float):
 
 
 def order_of(claimed: float | None, column: str, unclaimed: float = 1.0) -> float:
-    """The order that `claimed` has for noises of the kind `column`, one of `COLUMNS`; `unclaimed` if there is none."""
+    """The order that `claimed` has for noises of the kind `column`, one of `COLUMNS`;
+    `unclaimed` if there is none.
+    """
     if claimed is None:
         return unclaimed
     return claimed.of(column) if isinstance(claimed, Orders) else float(claimed)

@@ -13,12 +13,14 @@ MARKERS = ("o", "s", "^", "D", "v", "*", "x", "+", "<", ">", "P", "X", "h", "p",
 
 @dataclass(frozen=True)
 class Look:
-    """The look of a scheme's curve in pictures: a colour on white, one on a dark screen, a marker and a dash pattern.
+    """The look of a scheme's curve in pictures: a colour on white, one on a dark screen,
+    a marker and a dash pattern.
 
     Attributes
     ----------
     colour, dark : str
-        Colours as #RRGGBB, best with a contrast of 3 or more: `colour` against white, and `dark` against #0F1419.
+        Colours as #RRGGBB, best with a contrast of 3 or more: `colour` against white, and `dark`
+        against #0F1419.
     marker : str
         One of `MARKERS`.
     dash : str

@@ -1,15 +1,17 @@
 """Increments with two or three values, which weak schemes may use in place of normal increments.
 
-A weak order q needs only that the increments have the moments up to 2q + 1 of N(0, h) (G. N. Milstein, Numerical
-Integration of Stochastic Differential Equations, 1995, §9; Kloeden and Platen 1992, §14.1-2):
+A weak order q needs only that the increments have the moments up to 2q + 1 of N(0, h) (G. N.
+Milstein, Numerical Integration of Stochastic Differential Equations, 1995, §9; Kloeden and Platen
+1992, §14.1-2):
 
-    two points,   P(ΔW = ±√h) = ½:                       moments of N(0, h) up to the third, weak order 1;
-    three points, P(ΔW = ±√(3h)) = 1/6, P(ΔW = 0) = 2/3: moments of N(0, h) up to the fifth, weak order 2.
+    two points,   P(ΔW = ±√h) = ½:                       moments up to the third, weak order 1;
+    three points, P(ΔW = ±√(3h)) = 1/6, P(ΔW = 0) = 2/3: moments up to the fifth, weak order 2.
 
-Such increments are bounded, so that an implicit step needs no truncation. They are not increments of a Wiener process,
-so that no scheme converges in mean square with them. Each increment √h ζ is made from the normal increment √h ξ of the
-step: ζ is the quantile of its distribution at the probability Φ(ξ). So the path with a given number uses the same
-random stream for all schemes, and E ζξ is as large as possible: 0.80 for two points, 0.87 for three.
+Such increments are bounded, so that an implicit step needs no truncation. They are not increments
+of a Wiener process, so that no scheme converges in mean square with them. Each increment √h ζ is
+made from the normal increment √h ξ of the step: ζ is the quantile of its distribution at the
+probability Φ(ξ). So the path with a given number uses the same random stream for all schemes, and E
+ζξ is as large as possible: 0.80 for two points, 0.87 for three.
 """
 
 from __future__ import annotations
@@ -25,13 +27,15 @@ from sepv.errors import UsageError
 
 # The largest error allowed in the sum of weights and in a moment: roundings of a few terms.
 _ROUNDING = 1e-12
-# The order of the highest moment that is compared with that of N(0, 1). A law of a few points matches fewer moments.
+# The order of the highest moment that is compared with that of N(0, 1). A law of a few points
+# matches fewer moments.
 _MOST = 24
 
 
 @dataclass(frozen=True)
 class PointLaw:
-    """A distribution of a few points for increments ΔW = √h ζ, where ζ is values[i] with probability weights[i].
+    """A distribution of a few points for increments ΔW = √h ζ,
+    where ζ is values[i] with probability weights[i].
 
     Attributes
     ----------
@@ -42,8 +46,8 @@ class PointLaw:
     Raises
     ------
     UsageError
-        For values and weights that are not a distribution. Moments are not checked here: wrong moments make the laws
-        about weak orders fail.
+        For values and weights that are not a distribution. Moments are not checked here: wrong
+        moments make the laws about weak orders fail.
     """
 
     name: str
@@ -70,7 +74,8 @@ class PointLaw:
 
     @cached_property
     def thresholds(self) -> tuple[float, ...]:
-        """The values of the normal ξ at which ζ jumps to its next value: Φ⁻¹ of the partial sums of the weights.
+        """The values of the normal ξ at which ζ jumps to its next value:
+        Φ⁻¹ of the partial sums of the weights.
 
         Sums are taken from the nearer end of the distribution, because Φ⁻¹ then loses fewer digits.
         """
@@ -88,7 +93,9 @@ class PointLaw:
 
     @property
     def degree(self) -> int:
-        """The largest k such that the moments 1 … k are those of N(0, 1): enough for a weak order (k − 1)/2."""
+        """The largest k such that the moments 1 … k are those of N(0, 1):
+        enough for a weak order (k − 1)/2.
+        """
         for k in range(1, _MOST):
             # For even k, E ξ^k = (k − 1)!!.
             wanted = 0.0 if k % 2 else float(math.prod(range(k - 1, 0, -2)))
@@ -106,7 +113,8 @@ NAMES = (NORMAL, *NAMED)
 
 
 def point_law(increments: str | PointLaw | None) -> PointLaw | None:
-    """The distribution with the name `increments`, or a given `PointLaw` unchanged; None for normal increments.
+    """The distribution with the name `increments`, or a given `PointLaw` unchanged;
+    None for normal increments.
 
     Raises UsageError for an unknown name.
     """

@@ -1,16 +1,19 @@
-"""Explicit Runge-Kutta methods projected on the invariants: (2.1)'s strongest rival if a problem is not stiff.
+"""Explicit Runge-Kutta methods projected on the invariants:
+(2.1)'s strongest rival if a problem is not stiff.
 
-The end y* of the explicit step of order p is corrected along a direction v_k for each invariant I_k,
+The end y* of the explicit step of order p is corrected along a direction v_k for each invariant
+I_k,
 
     y1 = y* − Σ_k λ_k v_k   with   I_k(y1) = I_k(y0)
 
-for H and every quadratic or linear Casimir: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006),
-IV.4. The directions are `sepv.problem.projections` at y*. The numbers λ are found by the simplified Newton iteration
-with the products ∇I_jᵀv_k at y*. The differences I_k(y) − I_k(y0) are computed as g_kᵀ(y − y0) with
-g_k = ∫₀¹∇I_k(y0 + τ(y − y0))dτ, so that no digits cancel, even with a large constant in H.
+for H and every quadratic or linear Casimir: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical
+Integration (2006), IV.4. The directions are `sepv.problem.projections` at y*. The numbers λ are
+found by the simplified Newton iteration with the products ∇I_jᵀv_k at y*. The differences I_k(y)
+− I_k(y0) are computed as g_kᵀ(y − y0) with g_k = ∫₀¹∇I_k(y0 + τ(y − y0))dτ, so that no digits
+cancel, even with a large constant in H.
 
-**Order.** y1 differs from y* by O(Δ^{p+1}), so that the orders are those of the explicit method. The method is not
-symmetric, and for quadratic H it is not the midpoint rule.
+**Order.** y1 differs from y* by O(Δ^{p+1}), so that the orders are those of the explicit method.
+The method is not symmetric, and for quadratic H it is not the midpoint rule.
 """
 
 from __future__ import annotations
@@ -34,13 +37,16 @@ from sepv.schemes._scheme import Scheme
 def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> Solution:
     """Solve one step of a batch of M paths from y0 (d, M) with random steps `delta` (M,).
 
-    The unknown is z = y1 − y0, and the iteration starts from y* − y0, the increment of the explicit method.
+    The unknown is z = y1 − y0, and the iteration starts from y* − y0, the increment of the explicit
+    method.
     """
     tableau, M = TABLEAUX[order], y0.shape[1]
     casimirs, evaluations = (problem.casimirs, problem.linear_casimirs), np.zeros(M, dtype=np.int64)
 
     def advance(values: Any, lanes: Lanes) -> tuple[Array, Array, Flagged]:
-        """The change Σ_k λ_k v_k that is too much, which is residual and correction of a simplified iteration."""
+        """The change Σ_k λ_k v_k that is too much, which is residual and correction of a simplified
+        iteration.
+        """
         start, z = y0[:, lanes], np.reshape(values, (len(values), -1))
         mean = average_gradient(problem, start, start + z)
         evaluations[lanes] += mean.evaluations
@@ -66,7 +72,8 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
 def projected(order: int) -> Scheme:
     """The scheme of the projected method of order 4 or 8; any other order raises UsageError.
 
-    Increments are truncated to √(2kh|ln h|) (Remark 2.1) with k = 2·order. Residuals are those of the projection.
+    Increments are truncated to √(2kh|ln h|) (Remark 2.1) with k = 2·order. Residuals are those of
+    the projection.
     """
     plain = explicit(order)
 
@@ -76,7 +83,8 @@ def projected(order: int) -> Scheme:
     return one_step(
         f"projected-{order}",
         Solved(solve),
-        # Equivariance is not claimed, because the directions depend on lengths, which linear maps change.
+        # Equivariance is not claimed, because the directions depend on lengths, which linear maps
+        # change.
         (frozenset(plain.claims) | {"energy", "casimir"}) - {"equivariance"},
         "explicit Runge-Kutta with the random step, and projection",
         order / 2,

@@ -1,4 +1,6 @@
-"""B, H and a scheme's formula recorded as operations on symbols, and all derivatives derived from these operations."""
+"""B, H and a scheme's formula recorded as operations on symbols,
+and all derivatives derived from these operations.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ from sepv.record import symbol_array as array
 
 
 class Equation(NamedTuple):
-    """The equation z = R of a step in symbols: R (d,), K = ∂R/∂z (d, d), and the numbers of the step (k,).
+    """The equation z = R of a step in symbols: R (d,), K = ∂R/∂z (d, d),
+    and the numbers of the step (k,).
 
     `gradients` and `structures` count the evaluations of ∇H and of B in R.
     """
@@ -62,7 +65,9 @@ class Recorded:
         self._equations: dict[tuple[Formula, bool], Equation] = {}
 
     def skew(self, B: Any) -> Any:
-        """The matrix B (d, d) in symbols. For polynomial data the lower entries are the negatives of the upper ones."""
+        """The matrix B (d, d) in symbols. For polynomial data the lower entries are the negatives
+        of the upper ones.
+        """
         if not isinstance(self.problem.data, PolynomialSystem):
             return self.tape.symbols(B)
         d, zero = self.dimension, self.tape.constant(0.0)
@@ -71,7 +76,9 @@ class Recorded:
         return array(entries, (d, d))
 
     def _call(self, key: str, *arguments: Any) -> Any:
-        """Call the problem's function `key` with symbols; any error becomes a CannotRecord that names the function."""
+        """Call the problem's function `key` with symbols;
+        any error becomes a CannotRecord that names the function.
+        """
         try:
             return self.tape.symbols(getattr(self.problem, key)(*arguments))
         except CannotRecord as error:
@@ -81,7 +88,9 @@ class Recorded:
 
     @cached_property
     def mean(self) -> Mean:
-        """The average ∫₀¹∇H(y + τz)dτ by the rules of `sepv.record`; by `Problem.mean_gradient` if no rule applies."""
+        """The average ∫₀¹∇H(y + τz)dτ by the rules of `sepv.record`;
+        by `Problem.mean_gradient` if no rule applies.
+        """
         try:
             return mean(self.H, self.y, self.z)
         except NoClosedForm:
@@ -91,14 +100,18 @@ class Recorded:
 
     @cached_property
     def noise_slopes(self) -> list[Any]:
-        """The gradients ∇H_1, …, ∇H_m of the noise Hamiltonians in symbols; each is ∇H if there is only one H."""
+        """The gradients ∇H_1, …, ∇H_m of the noise Hamiltonians in symbols;
+        each is ∇H if there is only one H.
+        """
         if not isinstance(self.problem, HamiltoniansProblem):
             return [self.slope] * self.problem.noises
         return [gradient(self.tape.symbol(H(self.y)), self.y) for H in self.problem.noise_hamiltonians]
 
     @cached_property
     def field(self) -> Sequence[Polynomial] | None:
-        """The field B∇H multiplied out into polynomials; None if it is then longer, or no polynomial, or deg H > 2."""
+        """The field B∇H multiplied out into polynomials; None if it is then longer,
+        or no polynomial, or deg H > 2.
+        """
         f = [
             sum((b * g for b, g in zip(row, self.slope, strict=True)), self.tape.constant(0.0))
             for row in self.B
@@ -109,7 +122,8 @@ class Recorded:
     def equation_of(self, formula: Formula, count: int, apart: bool = True) -> Equation:
         """The equation z = R of a scheme's formula that uses `count` numbers of a step.
 
-        If `apart` is False, as for explicit steps, B∇H is multiplied out wherever the product is shorter.
+        If `apart` is False, as for explicit steps, B∇H is multiplied out wherever the product is
+        shorter.
 
         Raises CannotRecord or NoClosedForm if the formula cannot be recorded.
         """
@@ -126,7 +140,9 @@ class Recorded:
         return self._equations[formula, apart]
 
     def system(self, formula: Formula, count: int) -> tuple[Any, Any]:
-        """The residual F = z − R (d,) of a formula's equation, and the derivative A = 1 − ∂R/∂z of F, (d, d)."""
+        """The residual F = z − R (d,) of a formula's equation,
+        and the derivative A = 1 − ∂R/∂z of F, (d, d).
+        """
         R, K, *_ = self.equation_of(formula, count)
         entries = [self.tape.symbol(float(i == j) - v) for i, row in enumerate(K) for j, v in enumerate(row)]
         return self.tape.symbols(self.z - R), array(entries, K.shape)
@@ -137,7 +153,8 @@ class Recorded:
         return self.y + 0.5 * self.z
 
     def of_middle(self, formula: Formula) -> list[Polynomial] | None:
-        """The polynomials P with R = Δ P(ȳ) for the midpoint ȳ, for a formula that uses the random step Δ alone.
+        """The polynomials P with R = Δ P(ȳ) for the midpoint ȳ,
+        for a formula that uses the random step Δ alone.
 
         The result is None if there are no such polynomials, or if they are longer than R.
         """
@@ -149,7 +166,9 @@ class Recorded:
 
 
 class _RecordedFields(Fields):
-    """The functions of a problem that a formula uses, computed on symbols, with counts of evaluations."""
+    """The functions of a problem that a formula uses, computed on symbols,
+    with counts of evaluations.
+    """
 
     def __init__(self, recorded: Recorded, apart: bool) -> None:
         self._recorded, self.problem, self._apart = recorded, recorded.problem, apart
@@ -187,7 +206,9 @@ class _RecordedFields(Fields):
         return matvec(self._at(jacobian(matvec(recorded.B, recorded.slope), recorded.y), y), v)
 
     def mean_gradient(self, y: Any, z: Any) -> Any:
-        """The recorded averaged gradient; if z is not the record's own z, the given y and z are substituted in it."""
+        """The recorded averaged gradient; if z is not the record's own z,
+        the given y and z are substituted in it.
+        """
         means, nodes = self._recorded.mean
         self.gradients += nodes
         return means if z is self._recorded.z else self._at(means, y, z)

@@ -1,4 +1,6 @@
-"""A scheme as data: its step and its claims. There is no base class, and a bare function is a scheme too."""
+"""A scheme as data: its step and its claims. There is no base class,
+and a bare function is a scheme too.
+"""
 
 from __future__ import annotations
 
@@ -20,11 +22,13 @@ from sepv.schemes._picture_look import Look
 from sepv.schemes._point_distributions import PointLaw, point_law
 from sepv.schemes._stateful import PathSolver, StatefulStep
 
-# Kinds of a step's fifth argument: none, Lévy areas, increments over the first half, or space-time Lévy areas.
+# Kinds of a step's fifth argument: none, Lévy areas, increments over the first half, or space-time
+# Lévy areas.
 ASKS = ("", "areas", "halves", "space-time")
 DTYPES = ("float64", "float32")
-# The rounding error of a step in single precision, in units of one rounding of y: y, the increment and their sum are
-# rounded. Laws that compare errors with a floor add this error to it. Laws about single steps count each operation.
+# The rounding error of a step in single precision, in units of one rounding of y: y, the increment
+# and their sum are rounded. Laws that compare errors with a floor add this error to it. Laws about
+# single steps count each operation.
 SINGLE_STEP = 4.0
 
 # The classes of systems in which different noises have different fields.
@@ -32,7 +36,8 @@ OF_SEVERAL = frozenset((
     Systems.SEVERAL, Systems.HAMILTONIANS, Systems.MATRIX_HAMILTONIANS, Systems.SEPARABLE_HAMILTONIANS,
     Systems.ADDITIVE,
 ))  # fmt: skip
-# The classes of systems with damping, in which the exact solution depends on the whole path, and not on Δ alone.
+# The classes of systems with damping, in which the exact solution depends on the whole path, and
+# not on Δ alone.
 OF_DAMPED = frozenset((Systems.DAMPED, Systems.FRICTION))
 # A step (problem, y, h, dW) -> y_next, with a fifth argument for a scheme with `Scheme.asks`.
 Step = Callable[..., Array]
@@ -40,11 +45,13 @@ Solve = Callable[[Problem, Array, float, Array], Solution]
 
 
 def truncation_for(order: float) -> int:
-    """The k with which Remark 2.1 truncates increments, for mean-square order p: the paper's 2 for p ≤ 1, else 4p.
+    """The k with which Remark 2.1 truncates increments, for mean-square order p:
+    the paper's 2 for p ≤ 1, else 4p.
 
-    An increment is clipped to |ΔW| ≤ √(2k h |ln h|). Order p needs k ≥ 2p. With k = 2p the error of clipping is of
-    order p, and for many stages it exceeds the scheme's own error (`sepv.exact.clipping_error`). With k = 4p this
-    error is of order 2p, and the bound of |ΔW| is larger by a factor √2 only.
+    An increment is clipped to |ΔW| ≤ √(2k h |ln h|). Order p needs k ≥ 2p. With k = 2p the error of
+    clipping is of order p, and for many stages it exceeds the scheme's own error
+    (`sepv.exact.clipping_error`). With k = 4p this error is of order 2p, and the bound of |ΔW| is
+    larger by a factor √2 only.
     """
     return 2 if order <= 1 else round(4 * order)
 
@@ -58,7 +65,8 @@ class Twin:
     scheme : Scheme, str or function
         The program, in any form that `sepv.schemes.load_scheme` takes.
     bits : bool
-        True if its steps must have the same bits, False if they may differ by roundings and by the solvers' tolerances.
+        True if its steps must have the same bits, False if they may differ by roundings and by the
+        solvers' tolerances.
     words : str
         The argument of ``--agrees-with`` that names the program; empty if there is none.
     """
@@ -69,75 +77,90 @@ class Twin:
 
     @property
     def options(self) -> str:
-        """The options of ``sepv verify`` that name the program, with a blank before them; empty without words."""
+        """The options of ``sepv verify`` that name the program, with a blank before them;
+        empty without words.
+        """
         return f" --agrees-with {self.words}{' --bits' * self.bits}" if self.words else ""
 
 
 @dataclass(frozen=True)
 class Scheme:
-    """A one-step method for (1.1) with its claims: the laws that it should obey, and its orders of convergence.
+    """A one-step method for (1.1) with its claims: the laws that it should obey,
+    and its orders of convergence.
 
     Attributes
     ----------
     name : str
     step : callable (problem, y, h, dW) -> y_next
-        One step, for y of shape (d,) and dW of shape (m,); with `batched` also for (d, M) and (m, M). A step returns
-        the same bits for the same arguments, and changes nothing in place.
+        One step, for y of shape (d,) and dW of shape (m,); with `batched` also for (d, M) and
+        (m, M). A step returns the same bits for the same arguments, and changes nothing in place.
     claims : iterable of law names
-        The laws that the scheme claims to obey; other laws are measured and printed too. The claim "reference" includes
-        "refusal".
+        The laws that the scheme claims to obey; other laws are measured and printed too. The claim
+        "reference" includes "refusal".
     source : str
         The source of the formula.
     mean_square_order, weak_order : float or `sepv.schemes.Orders`, optional
-        Claimed orders, in general or for each kind of noise. A mean-square order also claims the laws "local-mean",
-        "local-mean-square", "mean-square-order" and "right-limit". A weak order claims "local-weak" and "weak-order".
-        A scheme with a `StatefulStep` claims no law of the local error: its order is that of the error at a fixed time.
+        Claimed orders, in general or for each kind of noise. A mean-square order also claims the
+        laws "local-mean", "local-mean-square", "mean-square-order" and "right-limit". A weak order
+        claims "local-weak" and "weak-order". A scheme with a `StatefulStep` claims no law of the
+        local error: its order is that of the error at a fixed time.
     order : float, optional
-        Claimed order p without noise: y1 = φ_h(y0) + O(h^(p+1)) for the exact flow φ. Claims "deterministic-order" too.
-        With a `StatefulStep`: the error at a fixed time is O(h^p).
+        Claimed order p without noise: y1 = φ_h(y0) + O(h^(p+1)) for the exact flow φ. Claims
+        "deterministic-order" too. With a `StatefulStep`: the error at a fixed time is O(h^p).
     noise : bool, optional
-        False if the scheme is for systems without noise, c = (). Laws then call the step with a ``dW`` of shape (0,),
-        and laws about noise do not apply. By default True, except if `order` is the only order claimed.
+        False if the scheme is for systems without noise, c = (). Laws then call the step with a
+        ``dW`` of shape (0,), and laws about noise do not apply. By default True, except if `order`
+        is the only order claimed.
     solve : callable (problem, y, h, dW) -> Solution, optional
-        For implicit schemes: the step for a batch of paths, with the solver's residual, counts and status of each path.
+        For implicit schemes: the step for a batch of paths, with the solver's residual, counts and
+        status of each path.
     solver_tolerance : float
-        The relative tolerance of the scheme's own solver. The laws' bounds grow with it, and reports say so. 0 means
-        that the equation is solved to rounding.
+        The relative tolerance of the scheme's own solver. The laws' bounds grow with it, and
+        reports say so. 0 means that the equation is solved to rounding.
     truncation : int, optional
-        The k of Remark 2.1: normal increments are clipped to |ΔW| ≤ √(2k h |ln h|). None for no truncation.
+        The k of Remark 2.1: normal increments are clipped to |ΔW| ≤ √(2k h |ln h|). None for no
+        truncation.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        The distribution of the increments. Increments with few values are bounded
-        and need no truncation: `truncation` is then None. With them the scheme may claim a weak order only.
+        The distribution of the increments. Increments with few values are bounded and need no
+        truncation: `truncation` is then None. With them the scheme may claim a weak order only.
     batched : bool
         True if `step` takes batches of M states, (d, M).
     systems : Systems
-        The class of systems from which laws draw the scheme's cases, or the text of the class, such as "single".
+        The class of systems from which laws draw the scheme's cases, or the text of the class, such
+        as "single".
     problems : sequence of problems or strategies
-        The only problems from which laws draw cases, if the scheme is not for every system of `systems`: names,
-        ``module:attribute``, `Problem`, names of families, or Hypothesis strategies of `PolynomialSystem` or `Problem`.
+        The only problems from which laws draw cases, if the scheme is not for every system of
+        `systems`: names, ``module:attribute``, `Problem`, names of families, or Hypothesis
+        strategies of `PolynomialSystem` or `Problem`.
     asks : str
-        The fifth argument of the step: "areas" for the Lévy areas A_ij = ½∫(W_i dW_j − W_j dW_i) over the step,
-        (m, m) or (m, m, M), skew; "halves" for the increments over the first half of the step, (m,) or
-        (m, M); "space-time" for the space-time Lévy areas H_i = (1/h)∫(W_i(s) − (s/h)ΔW_i) ds, (m,) or (m, M), of
-        variance h/12. By default a step has four arguments.
+        The fifth argument of the step: "areas" for the Lévy areas A_ij = ½∫(W_i dW_j − W_j dW_i)
+        over the step, (m, m) or (m, m, M), skew; "halves" for the increments over the first half of
+        the step, (m,) or (m, M); "space-time" for the space-time Lévy areas H_i = (1/h)∫(W_i(s)
+        − (s/h)ΔW_i) ds, (m,) or (m, M), of variance h/12. By default a step has four arguments.
     stages : int
-        The number s of stages of a collocation method. Laws then compare the scheme with the s-stage method of Cohen
-        and Hairer instead of (2.1), and with the s-stage Gauss method instead of the midpoint rule.
+        The number s of stages of a collocation method. Laws then compare the scheme with the
+        s-stage method of Cohen and Hairer instead of (2.1), and with the s-stage Gauss method
+        instead of the midpoint rule.
     longest_step : float or callable (problem, y, h, dW) -> bool, optional
-        The largest |h| + Σ|c_j ΔW_j| of a step that the scheme is made for, or a function that is True for such steps.
-        Laws about single steps omit other steps. A law is inconclusive if less than a quarter of its cases remain.
+        The largest |h| + Σ|c_j ΔW_j| of a step that the scheme is made for, or a function that is
+        True for such steps. Laws about single steps omit other steps. A law is inconclusive if less
+        than a quarter of its cases remain.
     dtype : "float64" or "float32"
-        The type of y, dW and y_next of the step. With float32 the laws' bounds are for roundings in float32, and
-        defects and bounds are in units of 2⁻²³. The suite's own computations stay in float64.
+        The type of y, dW and y_next of the step. With float32 the laws' bounds are for roundings in
+        float32, and defects and bounds are in units of 2⁻²³. The suite's own computations stay in
+        float64.
     needs : iterable of str
-        The attributes of a problem that the step cannot do without: "hessian", "structure_derivative",
-        "mean_gradient". Users' problems may lack them, and so do some cases of laws. The scheme then gets them on every
-        case whose problem has them; other cases are left out and counted. A step with `needs` is no step for problems
-        given as functions of B and ∇H alone.
+        The attributes of a problem that the step cannot do without: "hessian",
+        "structure_derivative", "mean_gradient". Users' problems may lack them, and so do some cases
+        of laws. The scheme then gets them on every case whose problem has them; other cases are
+        left out and counted. A step with `needs` is no step for problems given as functions of B
+        and ∇H alone.
     look : Look, optional
-        Colours, marker and dashes in pictures; by default a look that no other scheme of the picture has.
+        Colours, marker and dashes in pictures; by default a look that no other scheme of the
+        picture has.
     twin : Twin, optional
-        A second program that should make the same steps. ``sepv.verify(scheme, agrees_with=…)`` sets it.
+        A second program that should make the same steps. ``sepv.verify(scheme, agrees_with=…)``
+        sets it.
 
     Examples
     --------
@@ -259,7 +282,9 @@ class Scheme:
 
     @property
     def precision(self) -> float:
-        """The relative error allowed for a step: the solver's tolerance, and in float32 also the step's rounding."""
+        """The relative error allowed for a step: the solver's tolerance,
+        and in float32 also the step's rounding.
+        """
         return self.solver_tolerance + (SINGLE_STEP * self.eps if self.eps > EPS else 0.0)
 
     def numbers(self, values: Array) -> Array:
@@ -268,7 +293,9 @@ class Scheme:
 
 
 def _name_of_type(dtype: Any) -> Any:
-    """The name of a type of NumPy, such as "float32" of np.float32; for any other value str(value)."""
+    """The name of a type of NumPy, such as "float32" of np.float32; for any other value
+    str(value).
+    """
     return dtype.__name__ if isinstance(dtype, type) and issubclass(dtype, np.generic) else str(dtype)
 
 
@@ -276,7 +303,8 @@ def _is_positive(value: Any) -> bool:
     return value is None or (is_number(value) and value > 0)
 
 
-# A test of each attribute that can be tested alone, and a description of the values that pass the test.
+# A test of each attribute that can be tested alone, and a description of the values that pass the
+# test.
 _ATTRIBUTES: dict[str, tuple[Callable[[Any], Any], str]] = {
     "name": (lambda v: isinstance(v, str) and v.strip(), "a text"),
     "source": (lambda v: isinstance(v, str), "a text"),
@@ -319,7 +347,9 @@ def takes(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> bo
 
 
 def weakly(scheme: Scheme, increments: str | PointLaw | None) -> Scheme:
-    """A copy of a scheme with other `Scheme.increments`; with those of few values it claims no mean-square order."""
+    """A copy of a scheme with other `Scheme.increments`;
+    with those of few values it claims no mean-square order.
+    """
     law = point_law(increments)
     if law is None:
         return scheme if scheme.increments is None else replace(scheme, increments=None)
@@ -328,7 +358,8 @@ def weakly(scheme: Scheme, increments: str | PointLaw | None) -> Scheme:
 
 
 def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[Array, Array]:
-    """The arguments y and dW of a step as arrays (d, M) and (m, M) of a batch; a single state is a batch of one path.
+    """The arguments y and dW of a step as arrays (d, M) and (m, M) of a batch;
+    a single state is a batch of one path.
 
     Raises UsageError for a state, step or increment that does not fit the problem or is not finite.
     """

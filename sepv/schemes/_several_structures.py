@@ -1,13 +1,17 @@
-"""The energy-preserving scheme for several structures, dy = B∇H dt + Σ_j c_j G_j∇H∘dW_j (paper, §1).
+"""The energy-preserving scheme for several structures,
+dy = B∇H dt + Σ_j c_j G_j∇H∘dW_j (paper, §1).
 
-y1 = y0 + [h B(ȳ) + Σ_j c_j ΔŴ_j G_j(ȳ)] ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ,  ȳ = (y0 + y1)/2   (ΔŴ_j: truncated ΔW_j).
+y1 = y0 + [h B(ȳ) + Σ_j c_j ΔŴ_j G_j(ȳ)] ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ,  ȳ = (y0 + y1)/2
+(ΔŴ_j: truncated ΔW_j).
 
-The scheme keeps the energy for all skew B and G_j, as in Proposition 3.1: H(y1) − H(y0) = ∇̄Hᵀ[…]∇̄H = 0. It keeps
-quadratic Casimirs common to B and all G_j, as in Proposition 3.2. Its mean-square order is 1 for one noise, and for
-noises whose fields G_j∇H commute. Otherwise it is ½, because the scheme does not use the iterated integrals ∫W_i∘dW_j,
-whose terms are then of the order of h. If all G_j = B, it is (2.1). For Hamiltonians with {H_0, H_j} = 0,
-`sepv.problem.commuting_hamiltonians` makes structures G_j = S_j with S_j∇H_0 = B∇H_j. At or next to a critical point
-of H_0, S_j∇̄H_0 may not approximate B∇H_j. Such a step has the status UNDEFINED.
+The scheme keeps the energy for all skew B and G_j, as in Proposition 3.1: H(y1)
+− H(y0) = ∇̄Hᵀ[…]∇̄H = 0. It keeps quadratic Casimirs common to B and all G_j, as in
+Proposition 3.2. Its mean-square order is 1 for one noise, and for noises whose fields
+G_j∇H commute. Otherwise it is ½, because the scheme does not use the iterated
+integrals ∫W_i∘dW_j, whose terms are then of the order of h. If all G_j = B, it is
+(2.1). For Hamiltonians with {H_0, H_j} = 0, `sepv.problem.commuting_hamiltonians`
+makes structures G_j = S_j with S_j∇H_0 = B∇H_j. At or next to a critical point of H_0,
+S_j∇̄H_0 may not approximate B∇H_j. Such a step has the status UNDEFINED.
 """
 
 from __future__ import annotations
@@ -41,9 +45,11 @@ def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
 
 
 def mark_undefined(problem: Problem, y0: Array, step: Array, solution: Solution) -> None:
-    """Set the status UNDEFINED for paths with a structure S_j, made for S_j∇H_0 = B∇H_j, that fails in the step.
+    """Set the status UNDEFINED for paths with a structure S_j, made for S_j∇H_0 = B∇H_j,
+    that fails in the step.
 
-    Either S_j is undefined at y0 and the step was not solved, or S_j∇̄H_0 is far from B∇H_j in the solved step.
+    Either S_j is undefined at y0 and the step was not solved, or S_j∇̄H_0 is far from B∇H_j in the
+    solved step.
     """
     if not any(isinstance(G, CommutingStructure) for G in noise_structures(problem)):
         return

@@ -2,12 +2,14 @@
 
 y1 = φ¹_{Δ/2} ∘ … ∘ φⁿ_{Δ} ∘ … ∘ φ¹_{Δ/2} (y0),  Δ = h + Σ_j c_j ΔŴ_j   (ΔŴ_j: truncated ΔW_j),
 
-the symmetric composition of G. Strang (1968) with the random step of (2.1). For the rigid body the flows are rotations
-about the axes (R. McLachlan, Phys. Rev. Lett. 71, 1993). For Lotka-Volterra they are exponentials, which keep every
-component positive: this is the domain-keeping splitting in Cohen and Dujardin (2014), §1, their reference [23].
+the symmetric composition of G. Strang (1968) with the random step of (2.1). For the rigid body the
+flows are rotations about the axes (R. McLachlan, Phys. Rev. Lett. 71, 1993). For Lotka-Volterra
+they are exponentials, which keep every component positive: this is the domain-keeping splitting in
+Cohen and Dujardin (2014), §1, their reference [23].
 
-Every φᵏ is a Poisson map and keeps all Casimirs of B, quadratic or not, and so does the composition. H is not kept, but
-its error stays bounded if the step is small. The scheme is explicit, symmetric, and of mean-square and weak order 1.
+Every φᵏ is a Poisson map and keeps all Casimirs of B, quadratic or not, and so does the
+composition. H is not kept, but its error stays bounded if the step is small. The scheme is
+explicit, symmetric, and of mean-square and weak order 1.
 """
 
 from __future__ import annotations

@@ -1,7 +1,9 @@
-"""A step that carries more than y along a path, such as a stored force, a cached gradient or a second copy of y.
+"""A step that carries more than y along a path, such as a stored force,
+a cached gradient or a second copy of y.
 
-Along a path each step gets the state of the step before (`sepv.schemes.carry`). Laws about a step are measured on the
-first step of a path, y1 = value(step(init(y0))), and on steps in the middle of one (`sepv.law.middle`).
+Along a path each step gets the state of the step before (`sepv.schemes.carry`). Laws about a step
+are measured on the first step of a path, y1 = value(step(init(y0))), and on steps in the middle of
+one (`sepv.law.middle`).
 """
 
 from __future__ import annotations
@@ -19,30 +21,34 @@ import numpy as np
 from sepv.errors import Skipped, UsageError
 from sepv.problem import Array, Problem
 
-# A scheme refuses a step by raising one of these exceptions; `sepv.StepFailure` is an ArithmeticError.
+# A scheme refuses a step by raising one of these exceptions; `sepv.StepFailure` is an
+# ArithmeticError.
 REFUSALS = (ArithmeticError, np.linalg.LinAlgError)
 
 
 @dataclass(frozen=True)
 class StatefulStep:
-    """A step on states, from which y can be read: ``Scheme(name, StatefulStep(init, step, value))``.
+    """A step on states, from which y can be read:
+    ``Scheme(name, StatefulStep(init, step, value))``.
 
     Attributes
     ----------
     init : callable (problem, y) -> state, or (problem, y, h) -> state
-        The state at the beginning of a path at y, of shape (d,). A function with a third argument gets the step size.
+        The state at the beginning of a path at y, of shape (d,). A function with a third argument
+        gets the step size.
     step : callable (problem, state, h, dW) -> state
         The state after one step. The function changes nothing in place, not even the given state.
     value : callable (state) -> y
         The y of a state, of shape (d,).
     reverse : callable (state) -> state, or (state, rho) -> state, optional
-        The state at the same y from which steps with −h and −ΔW go back along the path. A function with two arguments
-        also gets rho (d,), the signs of y if momenta are reversed, or None. With rho, steps with h and ΔW go back, and
-        the y of the reversed state is rho·y. A function of the state alone may serve either way. The laws *symmetry*
-        and *reversibility* need it, unless y alone determines the path, as with a stored force.
+        The state at the same y from which steps with −h and −ΔW go back along the path. A function
+        with two arguments also gets rho (d,), the signs of y if momenta are reversed, or None. With
+        rho, steps with h and ΔW go back, and the y of the reversed state is rho·y. A function of
+        the state alone may serve either way. The laws *symmetry* and *reversibility* need it,
+        unless y alone determines the path, as with a stored force.
 
-    A state may be any object. For a scheme with `batched` it is an array, or a tuple, list or dict of arrays, each with
-    the paths on its last axis. A number in it is the same for all paths.
+    A state may be any object. For a scheme with `batched` it is an array, or a tuple, list or dict
+    of arrays, each with the paths on its last axis. A number in it is the same for all paths.
 
     Examples
     --------
@@ -59,7 +65,8 @@ class StatefulStep:
     ...     q1 = q + delta * half
     ...     f1 = force(problem, q1)
     ...     return q1, half + delta / 2 * f1, f1
-    >>> leapfrog = sepv.Scheme("kept-force", sepv.StatefulStep(init, step, lambda state: np.array(state[:2])))
+    >>> stateful = sepv.StatefulStep(init, step, lambda state: np.array(state[:2]))
+    >>> leapfrog = sepv.Scheme("kept-force", stateful)
     >>> sepv.integrate(leapfrog, "pendulum", h=0.125, T=1.0).y.shape
     (2, 9)
     """
@@ -88,13 +95,17 @@ class StatefulStep:
         return self.init(problem, y, h) if _takes(self.init, 3, "h") else self.init(problem, y)
 
     def turned(self, state: Any, rho: Array | None = None) -> Any:
-        """The state that leads back along the path, as described for `reverse`, which must be given."""
+        """The state that leads back along the path, as described for `reverse`,
+        which must be given.
+        """
         assert self.reverse is not None
         return self.reverse(state, rho) if _takes(self.reverse, 2, "rho") else self.reverse(state)
 
 
 def _takes(function: Callable[..., Any], count: int, name: str) -> bool:
-    """True if a function takes `count` arguments by position, the last of them required or called `name`."""
+    """True if a function takes `count` arguments by position,
+    the last of them required or called `name`.
+    """
     try:
         parameters = list(inspect.signature(function).parameters.values())
     except (TypeError, ValueError):  # a function written in C may have no signature
@@ -107,12 +118,13 @@ def _takes(function: Callable[..., Any], count: int, name: str) -> bool:
 
 
 class PathSolver(StatefulStep):
-    """A step made from a solver of whole paths, such as a multistep method: ``Scheme(name, PathSolver(path))``.
+    """A step made from a solver of whole paths, such as a multistep method:
+    ``Scheme(name, PathSolver(path))``.
 
-    `path(problem, y0, h, dW)` takes y0 (d,) and the increments dW (N, m, M) of M paths, and returns their states
-    (N + 1, d, M). It is called with M = 1. The laws of orders compute each path once. Other laws make steps: the state
-    of a path is y0 with the increments so far, and each step computes the path anew from y0. So N steps with noise cost
-    N(N + 1)/2 steps of the solver.
+    `path(problem, y0, h, dW)` takes y0 (d,) and the increments dW (N, m, M) of M paths, and returns
+    their states (N + 1, d, M). It is called with M = 1. The laws of orders compute each path once.
+    Other laws make steps: the state of a path is y0 with the increments so far, and each step
+    computes the path anew from y0. So N steps with noise cost N(N + 1)/2 steps of the solver.
     """
 
     path: Callable[[Problem, Array, float, Array], Array]
@@ -147,13 +159,16 @@ def _from_the_start(
         raise Skipped("a solver of whole paths has one step size a path")
     n = len(increments)
     if n >= len(states):
-        # Without noise the increments to come are known (empty), and the path is computed to twice its length at once.
+        # Without noise the increments to come are known (empty), and the path is computed to twice
+        # its length at once.
         states = whole(path, problem, y0, h, np.array([*increments, *([] if dW.size else increments)]))
     return {"y0": y0, "h": h, "increments": increments, "states": states, "y": states[n].copy()}
 
 
 def whole(path: Callable[..., Array], problem: Problem, y0: Array, h: float, dW: Array) -> Array:
-    """The states (N + 1, d) that `path` returns for increments (N, m). Raises UsageError for any other shape."""
+    """The states (N + 1, d) that `path` returns for increments (N, m).
+    Raises UsageError for any other shape.
+    """
     answer, wanted = path(problem, y0.copy(), h, dW[:, :, None].copy()), (len(dW) + 1, y0.size, 1)
     if np.shape(answer) != wanted:
         raise UsageError(
@@ -178,7 +193,9 @@ def joined_lanes(states: list[Any]) -> Any:
 
 
 def _mapped(function: Callable[..., Any], *trees: Any) -> Any:
-    """Apply a function to the arrays at the same place of several nested tuples, lists or dicts; None stays None."""
+    """Apply a function to the arrays at the same place of several nested tuples, lists or dicts;
+    None stays None.
+    """
     first = trees[0]
     if first is None or hasattr(first, "shape") or isinstance(first, (bool, int, float)):
         return first if first is None else function(*trees)

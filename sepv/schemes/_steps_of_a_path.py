@@ -1,4 +1,6 @@
-"""Several steps of a path as one step, so that a law about a step can be measured in the middle of a path."""
+"""Several steps of a path as one step, so that a law about a step can be measured in the middle of
+a path.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from sepv.schemes._stateful import StatefulStep
 
 @dataclass(frozen=True)
 class StepsOfAPath:
-    """The map y0 → y_N of N = `count` steps of a path of `scheme`, each with h/N and ΔW/N, as the step of a scheme."""
+    """The map y0 → y_N of N = `count` steps of a path of `scheme`, each with h/N and ΔW/N,
+    as the step of a scheme.
+    """
 
     scheme: Scheme
     count: int
@@ -32,7 +36,9 @@ def has_memory(scheme: Scheme) -> bool:
 
 
 def as_path(scheme: Scheme) -> tuple[Scheme, int]:
-    """The scheme whose path a call follows, and the number of steps: (scheme, 1), except for schemes of `several`."""
+    """The scheme whose path a call follows, and the number of steps: (scheme, 1),
+    except for schemes of `several`.
+    """
     step = scheme.step
     return (step.scheme, step.count) if isinstance(step, StepsOfAPath) else (scheme, 1)
 
@@ -43,7 +49,8 @@ def several(scheme: Scheme, count: int) -> Scheme:
 
 
 def resumed(scheme: Scheme, state: Any) -> Scheme:
-    """The scheme whose first step goes on from `state`, the one that a path carries at the y of the step.
+    """The scheme whose first step goes on from `state`,
+    the one that a path carries at the y of the step.
 
     It takes one state a call. Without a state it is `scheme` itself, at the beginning of a path.
     """

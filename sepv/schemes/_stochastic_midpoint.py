@@ -2,12 +2,14 @@
 
 y1 = y0 + B(ȳ)(h∇H_0(ȳ) + Σ_j c_j ΔŴ_j ∇H_j(ȳ)), ȳ = (y0 + y1)/2   (ΔŴ_j: truncated ΔW_j).
 
-With fixed increments a step is the midpoint rule for the Hamiltonian K = hH_0 + Σ c_j ΔŴ_j H_j. So it is symmetric,
-keeps all quadratic and linear Casimirs of B, and is symplectic for constant B (G. N. Milstein, Yu. M. Repin and M. V.
-Tretyakov, SIAM J. Numer. Anal. 40, 2002). For other B the step is not a Poisson map.
+With fixed increments a step is the midpoint rule for the Hamiltonian K = hH_0 + Σ c_j ΔŴ_j H_j.
+So it is symmetric, keeps all quadratic and linear Casimirs of B, and is symplectic for constant B
+(G. N. Milstein, Yu. M. Repin and M. V. Tretyakov, SIAM J. Numer. Anal. 40, 2002). For other B the
+step is not a Poisson map.
 
-A step agrees with the flow of B∇K up to second order in K, but has no Lévy areas, which multiply brackets of the fields
-B∇H_j. The mean-square order is therefore ½ in general and 1 if these fields commute. The weak order is 1.
+A step agrees with the flow of B∇K up to second order in K, but has no Lévy areas, which multiply
+brackets of the fields B∇H_j. The mean-square order is therefore ½ in general and 1 if these fields
+commute. The weak order is 1.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ CLAIMS = (RANDOM_STEP - {"random-step"}) | {"casimir", "poisson-map:constant", "
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """R of the step y1 = y + R: B(ȳ)(h∇H_0(ȳ) + Σ c_j ΔW_j ∇H_j(ȳ)) with z = y1 − y and ȳ = y + z/2.
+    """R of the step y1 = y + R: B(ȳ)(h∇H_0(ȳ) + Σ c_j ΔW_j ∇H_j(ȳ))
+    with z = y1 − y and ȳ = y + z/2.
 
     `step` holds h and the c_j ΔW_j. The gradients of all Hamiltonians count as one evaluation.
     """

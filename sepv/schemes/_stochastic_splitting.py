@@ -1,13 +1,16 @@
 """Splitting with the exact flows of B∇H_0 (or parts of it) and of each B∇H_j: a Poisson integrator.
 
-y1 = φ⁰_{h/2} ∘ φ¹_{c_1ΔŴ_1/2} ∘ … ∘ φᵐ_{c_mΔŴ_m} ∘ … ∘ φ¹_{c_1ΔŴ_1/2} ∘ φ⁰_{h/2} (y0)   (ΔŴ_j: truncated ΔW_j)
+y1 = φ⁰_{h/2} ∘ φ¹_{c_1ΔŴ_1/2} ∘ … ∘ φᵐ_{c_mΔŴ_m} ∘ … ∘ φ¹_{c_1ΔŴ_1/2} ∘ φ⁰_{h/2} (y0)
+(ΔŴ_j: truncated ΔW_j)
 
-C.-E. Bréhier, D. Cohen and T. Jahnke, Splitting integrators for stochastic Lie-Poisson systems (Math. Comp. 92, 2023),
-use the composition of Lie and Trotter. This scheme uses G. Strang's, which is symmetric. Each flow φʲ_t of B∇H_j over
-the time t is a Poisson map and keeps all Casimirs and the domain, and so does the composition.
+C.-E. Bréhier, D. Cohen and T. Jahnke, Splitting integrators for stochastic Lie-Poisson systems
+(Math. Comp. 92, 2023), use the composition of Lie and Trotter. This scheme uses G. Strang's, which
+is symmetric. Each flow φʲ_t of B∇H_j over the time t is a Poisson map and keeps all Casimirs and
+the domain, and so does the composition.
 
-For fixed increments a step agrees with the flow of K = hH_0 + Σ c_j ΔŴ_j H_j up to second order in K, but has no Lévy
-areas. The mean-square order is therefore ½ in general and 1 if the noises' fields commute. The weak order is 1.
+For fixed increments a step agrees with the flow of K = hH_0 + Σ c_j ΔŴ_j H_j up to second order in
+K, but has no Lévy areas. The mean-square order is therefore ½ in general and 1 if the noises'
+fields commute. The weak order is 1.
 """
 
 from __future__ import annotations

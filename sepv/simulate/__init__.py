@@ -1,10 +1,11 @@
-"""Paths and ensembles of paths: Wiener increments, the loop over the time steps, and the engine of compiled code.
+"""Paths and ensembles of paths: Wiener increments, the loop over the time steps,
+and the engine of compiled code.
 
-Read `_wiener` first: the increments depend only on the seed, the number of the path and the step. Next come
-`_truncation` (Remark 2.1 of the paper), `_areas` (Lévy areas), `_paths` (one path), `_batch` (many paths in NumPy),
-`_ensembles` (chunks of paths, run by workers), `_compiled` (code made for a problem and a scheme) and `_results`
-(records of many paths). The compiled engine is loaded at its first use, because exact solutions and tests of laws need
-only increments and batches.
+Read `_wiener` first: the increments depend only on the seed, the number of the path and the step.
+Next come `_truncation` (Remark 2.1 of the paper), `_areas` (Lévy areas), `_paths` (one path),
+`_batch` (many paths in NumPy), `_ensembles` (chunks of paths, run by workers), `_compiled` (code
+made for a problem and a scheme) and `_results` (records of many paths). The compiled engine is
+loaded at its first use, because exact solutions and tests of laws need only increments and batches.
 """
 
 from __future__ import annotations

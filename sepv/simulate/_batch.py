@@ -1,4 +1,6 @@
-"""Many paths in NumPy, advanced together step by step. A path that fails stops with its status; the others go on."""
+"""Many paths in NumPy, advanced together step by step. A path that fails stops with its status;
+the others go on.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +19,11 @@ from sepv.schemes import REFUSALS, PathSolver, Scheme, StatefulStep, carry, join
 from sepv.simulate import _truncation as bounded
 from sepv.simulate._results.reductions import Summary
 
-# The number of paths computed together: enough to hide the cost of NumPy's calls, and few enough for small arrays.
+# The number of paths computed together: enough to hide the cost of NumPy's calls, and few enough
+# for small arrays.
 CHUNK = 1024
-# The arrays of an `Ensemble` by name, with the names of all their axes but the last, which is the path.
+# The arrays of an `Ensemble` by name, with the names of all their axes but the last, which is the
+# path.
 AXES: dict[str, tuple[str, ...]] = {
     "y": ("component",),
     "W": ("noise",),
@@ -42,29 +46,32 @@ class Ensemble:
     y : (d, M)
         States at T; for a failed path, the last state reached.
     W : (m, M)
-        The sums W(T) of untruncated increments; the exact solution is the flow at the random time T + Σ c_j W_j(T).
+        The sums W(T) of untruncated increments; the exact solution is the flow at the random time
+        T + Σ c_j W_j(T).
     status : (M,)
         `sepv.core.newton.Status` of each path: 0 if every step converged.
     failed_step : (M,)
         The number (from 0) of the step that failed, −1 if none did.
     energy_defect, casimir_defect : (M,)
-        The largest |H(y_n) − H(y_0)| over the path, and the largest |C(y_n) − C(y_0)| of any quadratic or linear
-        Casimir C, evaluated in binary64.
+        The largest |H(y_n) − H(y_0)| over the path, and the largest |C(y_n) − C(y_0)| of any
+        quadratic or linear Casimir C, evaluated in binary64.
     gradient_evaluations, structure_evaluations, iterations : int
         Counts of work over all paths and steps; zero for a scheme that does not report them.
     times, states : (K,), (d, K, M)
-        The chosen times, and the states at these times, component first: `problem.hamiltonian(states)` is (K, M). For
-        a failed path a state is the last one reached.
-    engine : the name of the engine that ran.
-    reason : why the compiled engine was not used, or why a functional of `reduce` did not run on a card.
-    divisions : int
-        The number of steps and parts of steps that were divided, over all paths (`sepv.schemes.divided`).
+        The chosen times, and the states at these times, component first:
+        `problem.hamiltonian(states)` is (K, M). For a failed path a state is the last one reached.
+    engine : the name of the engine that ran. reason : why the compiled engine was not used, or why
+    a functional of `reduce` did not run on a card. divisions : int
+        The number of steps and parts of steps that were divided, over all paths
+        (`sepv.schemes.divided`).
     continuations : int
-        The number of fractions of steps that were solved by continuation (`sepv.schemes.continued`).
+        The number of fractions of steps that were solved by continuation
+        (`sepv.schemes.continued`).
     repeated : int
         The number of chunks computed again because a worker raised or died.
     reduced : dict of summaries
-        The summary of each functional in `reduce=`. With `reduce=` and without `store=`, the arrays have no paths.
+        The summary of each functional in `reduce=`. With `reduce=` and without `store=`, the arrays
+        have no paths.
     about : dict
         Problem, scheme, step size, seed, version.
     problem : Problem, optional
@@ -92,7 +99,9 @@ class Ensemble:
     problem: Problem | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
-        """One line: the paths, the problem, the scheme and the times; the arrays are not printed."""
+        """One line: the paths, the problem, the scheme and the times; the arrays are not
+        printed.
+        """
         (d, M), K = self.y.shape, len(self.times)
         failed = "" if not M else f", {np.count_nonzero(np.asarray(self.status))} failed"
         kept = f", states at {K} times" if K else ""
@@ -103,15 +112,21 @@ class Ensemble:
         )
 
     def energy(self) -> Array:
-        """H along the paths in binary64, (K, M) at `times`, or (M,) at T if no times were chosen."""
+        """H along the paths in binary64, (K, M) at `times`, or (M,) at T if no times were
+        chosen.
+        """
         return np.asarray(known_invariants(self.problem, self._kept())[0])
 
     def casimirs(self) -> Array:
-        """The n quadratic and linear Casimirs, in the order of the problem: (n, K, M) at `times`, or (n, M) at T."""
+        """The n quadratic and linear Casimirs, in the order of the problem: (n, K, M) at `times`,
+        or (n, M) at T.
+        """
         return np.asarray(known_invariants(self.problem, self._kept())[1:])
 
     def _kept(self) -> Array:
-        """The states at `times`, (d, K, M), or the ends (d, M) if no times were chosen, read from a store if any."""
+        """The states at `times`, (d, K, M), or the ends (d, M) if no times were chosen,
+        read from a store if any.
+        """
         return np.asarray(self.states[...] if len(self.times) else self.y[...])
 
     def _require_paths(self) -> None:
@@ -149,9 +164,9 @@ class Ensemble:
     def plot(self) -> Any:
         """Draw the states, and the share of paths by the largest change of H and of a Casimir.
 
-        At chosen times, a component is drawn by its median and the band between its quantiles of 5 % and 95 %, of at
-        most six components. Without times, the ends of at most 2,000 paths are drawn, y2 against y1. Failed paths are
-        left out.
+        At chosen times, a component is drawn by its median and the band between its quantiles of 5
+        % and 95 %, of at most six components. Without times, the ends of at most 2,000 paths are
+        drawn, y2 against y1. Failed paths are left out.
 
         Returns
         -------
@@ -161,7 +176,8 @@ class Ensemble:
         Raises
         ------
         UsageError
-            If matplotlib, the extra ``plots``, is not installed, or if the ensemble has only summaries of its paths.
+            If matplotlib, the extra ``plots``, is not installed, or if the ensemble has only
+            summaries of its paths.
         """
         from sepv.simulate._drawn import ensemble_figure
 
@@ -169,12 +185,15 @@ class Ensemble:
         return ensemble_figure(self)
 
     def to_xarray(self) -> Any:
-        """Return an `xarray.Dataset` with the dimensions path, time, component and noise, and with `about` as `attrs`.
+        """Return an `xarray.Dataset` with the dimensions path, time, component and noise,
+        and with `about` as `attrs`.
 
-        If times were chosen, it also has `energy` and `casimirs` at these times. Data of an ensemble with `store=` stay
-        on disk, and are read when they are indexed; its energies are not computed, because that reads all states.
+        If times were chosen, it also has `energy` and `casimirs` at these times. Data of an
+        ensemble with `store=` stay on disk, and are read when they are indexed; its energies are
+        not computed, because that reads all states.
 
-        Raise UsageError if xarray (extra `store`) is not installed, or if the ensemble has only summaries of its paths.
+        Raise UsageError if xarray (extra `store`) is not installed, or if the ensemble has only
+        summaries of its paths.
         """
         xarray = optional("xarray", "xarray, for to_xarray()", "pip install xarray")
         self._require_paths()
@@ -204,10 +223,12 @@ def run_chunk(
     scheme: Scheme, problem: Problem, y0: Array, h: float, raw: Array, k: int | None, *, track: bool = True,
     watch: Watch | None = None,
 ) -> Ensemble:  # fmt: skip
-    """Run paths from y0 (d,) with the Wiener increments `raw` (N, m, M); `_truncation.seen` bounds them, given k.
+    """Run paths from y0 (d,) with the Wiener increments `raw` (N, m, M);
+    `_truncation.seen` bounds them, given k.
 
-    If the scheme needs more than increments, such as areas (`sepv.schemes._further_increments`), they are in further
-    rows of `raw`. With track=False the invariants are not computed, and their defects are zero. `watch` sees each step.
+    If the scheme needs more than increments, such as areas (`sepv.schemes._further_increments`),
+    they are in further rows of `raw`. With track=False the invariants are not computed, and their
+    defects are zero. `watch` sees each step.
     """
     batch = Batch(scheme, problem, y0, raw.shape[2], track=track, watch=watch)
     m = problem.noises
@@ -223,7 +244,9 @@ def run_chunk(
 
 
 class Batch:
-    """Paths in NumPy, advanced together; a path whose step failed keeps the state before this step."""
+    """Paths in NumPy, advanced together; a path whose step failed keeps the state before this
+    step.
+    """
 
     def __init__(
         self, scheme: Scheme, problem: Problem, y0: Array, paths: int, *, track: bool = True, compensated: bool = False,
@@ -247,7 +270,9 @@ class Batch:
         self.done = 0
 
     def step(self, h: float, dW: Array, known: Array | None = None) -> None:
-        """Take one step with truncated increments dW (m, M). If `known` (d, M) is given, it is the step's result."""
+        """Take one step with truncated increments dW (m, M). If `known` (d, M) is given,
+        it is the step's result.
+        """
         alive = self.alive
         self.done += 1
         if not alive.size:
@@ -281,7 +306,9 @@ class Batch:
             self.worst[1, alive] = np.maximum(self.worst[1, alive], drift[1:].max(axis=0, initial=0.0))
 
     def result(self, W: Array, states: Array | None = None) -> Ensemble:
-        """The `Ensemble` of the paths at the present step, from sums W of their increments and `states` kept before."""
+        """The `Ensemble` of the paths at the present step,
+        from sums W of their increments and `states` kept before.
+        """
         gradients, structures, iterations, divisions, continuations = (int(v) for v in self.work)
         ends = Ensemble(
             self.y, W, self.status, self.failed, self.worst[0], self.worst[1], gradients, structures, iterations,
@@ -291,20 +318,26 @@ class Batch:
 
 
 class Carried:
-    """The data that a `StatefulStep` carries from step to step, for each path of a batch; empty for other schemes."""
+    """The data that a `StatefulStep` carries from step to step, for each path of a batch;
+    empty for other schemes.
+    """
 
     def __init__(self, scheme: Scheme) -> None:
         self.batched = scheme.batched
         self.states: Any = None  # a list with one entry per path if the scheme takes no batches
 
     def of(self, lane: int) -> Any:
-        """The carried state of one path, as a batch of one if the scheme takes batches; None before the first step."""
+        """The carried state of one path, as a batch of one if the scheme takes batches;
+        None before the first step.
+        """
         if self.states is None or not self.batched:
             return self.states and self.states[lane]
         return lanes(self.states, [lane])
 
     def keep(self, alive: np.ndarray) -> None:
-        """Keep the carried states of the paths marked in `alive`, and drop those of the other paths."""
+        """Keep the carried states of the paths marked in `alive`,
+        and drop those of the other paths.
+        """
         if self.states is not None and not alive.all():
             kept = np.flatnonzero(alive)
             self.states = lanes(self.states, kept) if self.batched else [self.states[k] for k in kept]
@@ -313,10 +346,12 @@ class Carried:
 def advance(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, carried: Carried | None = None
 ) -> tuple[Array, np.ndarray, np.ndarray, Array | None]:
-    """Take a step of a batch: return y1, each path's status, five counts of work, and y1 − y0 if the scheme gives it.
+    """Take a step of a batch: return y1, each path's status, five counts of work,
+    and y1 − y0 if the scheme gives it.
 
-    The counts are evaluations of ∇H and B, iterations, divisions and continuations. `carried` holds the data that a
-    `StatefulStep` carries, and is updated. If it is not given, the step is the first one of the paths.
+    The counts are evaluations of ∇H and B, iterations, divisions and continuations. `carried` holds
+    the data that a `StatefulStep` carries, and is updated. If it is not given, the step is the
+    first one of the paths.
     """
     if scheme.solve is not None:
         solution = scheme.solve(problem, y, h, dW)
@@ -331,7 +366,9 @@ def advance(
 
 
 def judged(problem: Problem, y: Array, code: np.ndarray) -> np.ndarray:
-    """Set `code` in place to a failure for paths whose state y is not finite or is outside the problem's domain."""
+    """Set `code` in place to a failure for paths whose state y is not finite or is outside the
+    problem's domain.
+    """
     code[~np.all(np.isfinite(y), axis=0) & (code == 0)] = Status.OVERFLOW
     if problem.domain is not None:
         with np.errstate(invalid="ignore"):
@@ -342,7 +379,9 @@ def judged(problem: Problem, y: Array, code: np.ndarray) -> np.ndarray:
 def batch_step(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, carried: Carried
 ) -> tuple[Array, np.ndarray]:
-    """Call the scheme for a whole batch, or path by path if the scheme takes no batches or refuses this batch."""
+    """Call the scheme for a whole batch, or path by path if the scheme takes no batches or refuses
+    this batch.
+    """
     code = np.zeros(y.shape[1], dtype=np.int64)
     value = np.full_like(y, np.nan)
     y, dW = (np.asarray(a, dtype=scheme.dtype) for a in (y, dW))
@@ -365,7 +404,8 @@ def batch_step(
                 code[lane] = Status.NO_CONVERGENCE
             states.append(state)
     if stateful:
-        # A failed path takes no further step. If it carries no state yet, another path's state fills its place.
+        # A failed path takes no further step. If it carries no state yet, another path's state
+        # fills its place.
         there = next((s for s in states if s is not None), None)
         states = [there if s is None else s for s in states]
         carried.states = joined_lanes(states) if scheme.batched and there is not None else states

@@ -28,7 +28,9 @@ TIME = Axis("time t")
 
 
 class Path(Protocol):
-    """The parts of a `Trajectory` that its picture shows: times (N + 1,), states (d, N + 1), and the problem."""
+    """The parts of a `Trajectory` that its picture shows: times (N + 1,), states (d, N + 1),
+    and the problem.
+    """
 
     @property
     def t(self) -> Array: ...
@@ -58,7 +60,9 @@ class Ends(Protocol):
 
 
 def path_figure(path: Path) -> Any:
-    """The components of y over time, and the changes of the invariants if the path knows its problem."""
+    """The components of y over time, and the changes of the invariants if the path knows its
+    problem.
+    """
     require_matplotlib("the arrays t and y need none")
     components = [_curve(f"y{i}", path.t, values) for i, values in enumerate(path.y[:CURVES], 1)]
     sides = {_label("state", path.y.shape[0]): components}
@@ -103,7 +107,9 @@ def _curve(name: str, t: Array, values: Array) -> Series:
 
 
 def _bands(axes: Any, times: Array, states: Array) -> None:
-    """The median of each component of `states` (d, K, M) over time, in the band between its quantiles."""
+    """The median of each component of `states` (d, K, M) over time,
+    in the band between its quantiles.
+    """
     if not states.shape[2]:
         return
     low, middle, high = np.quantile(states[:CURVES], (0.05, 0.5, 0.95), axis=2)
@@ -115,7 +121,9 @@ def _bands(axes: Any, times: Array, states: Array) -> None:
 
 
 def _ends(axes: Any, y: Array) -> None:
-    """The ends y (d, M) of the first `ENDS` paths: y2 against y1, or their order against y1 if d = 1."""
+    """The ends y (d, M) of the first `ENDS` paths: y2 against y1,
+    or their order against y1 if d = 1.
+    """
     drawn = (
         y[:, :ENDS] if len(y) > 1 else np.stack([np.sort(y[0]), np.arange(1, y.shape[1] + 1) / y.shape[1]])
     )
@@ -125,7 +133,9 @@ def _ends(axes: Any, y: Array) -> None:
 
 
 def _shares(axes: Any, ends: Ends, got_through: Any) -> None:
-    """The share of paths whose largest change of an invariant is at most x; no change is drawn at half an ulp of 1."""
+    """The share of paths whose largest change of an invariant is at most x;
+    no change is drawn at half an ulp of 1.
+    """
     curves = []
     for name, values in (("H", ends.energy_defect), ("a Casimir", ends.casimir_defect)):
         sorted_defects = np.sort(np.maximum(np.asarray(values[...])[got_through], FLOOR))

@@ -28,10 +28,11 @@ class Trajectory:
     t : (N + 1,)
     y : (d, N + 1)
     dW : (N, m)
-        The increments given to the scheme. Lévy areas or half-step increments, if asked for, are in further columns.
+        The increments given to the scheme. Lévy areas or half-step increments, if asked for, are in
+        further columns.
     gradient_evaluations, divisions, continuations : int
-        The numbers of evaluations of ∇H, of divided steps (`sepv.schemes.divided`), and of fractions of steps that
-        were solved by continuation (`sepv.schemes.continued`).
+        The numbers of evaluations of ∇H, of divided steps (`sepv.schemes.divided`), and of
+        fractions of steps that were solved by continuation (`sepv.schemes.continued`).
     problem : Problem, optional
         The problem of the path, for `energy` and `casimirs`.
     """
@@ -45,13 +46,17 @@ class Trajectory:
     problem: Problem | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
-        """One line: the steps, the times and the first and last state; the arrays are not printed."""
+        """One line: the steps, the times and the first and last state; the arrays are not
+        printed.
+        """
         d, count = self.y.shape[0], self.y.shape[1] - 1
         first, last = (", ".join(f"{v:.6g}" for v in self.y[:6, n]) + ", …" * (d > 6) for n in (0, -1))
         return f"<Trajectory of {count} steps to t = {self.t[-1]:g}, d = {d}: ({first}) → ({last})>"
 
     def _repr_html_(self) -> str:
-        """A table for a notebook: steps, times, both ends, changes of the invariants, counts of work."""
+        """A table for a notebook: steps, times, both ends, changes of the invariants,
+        counts of work.
+        """
         rows = [
             ("problem", self.problem.name if self.problem else "not known"),
             ("steps", f"{self.y.shape[1] - 1:,} from t = {self.t[0]:g} to {self.t[-1]:g}"),
@@ -66,11 +71,15 @@ class Trajectory:
         return html(facts("Trajectory", rows))
 
     def energy(self) -> Array:
-        """H along the path in binary64, (N + 1,). UsageError for a path made by hand, without its problem."""
+        """H along the path in binary64, (N + 1,). UsageError for a path made by hand,
+        without its problem.
+        """
         return np.asarray(known_invariants(self.problem, self.y)[0])
 
     def casimirs(self) -> Array:
-        """The n quadratic and linear Casimirs along the path, (n, N + 1), in the order of the problem."""
+        """The n quadratic and linear Casimirs along the path, (n, N + 1),
+        in the order of the problem.
+        """
         return np.asarray(known_invariants(self.problem, self.y)[1:])
 
     def plot(self) -> Any:
@@ -79,7 +88,8 @@ class Trajectory:
         Returns
         -------
         matplotlib.figure.Figure
-            A notebook shows it; `savefig` writes it to a file. At most six components and Casimirs are drawn.
+            A notebook shows it; `savefig` writes it to a file. At most six components and Casimirs
+            are drawn.
 
         Raises
         ------
@@ -109,7 +119,8 @@ def integrate(
     Parameters
     ----------
     scheme : str, Scheme or function
-        As for `sepv.verify`: a built-in name, ``module:attribute``, a `Scheme`, or ``step(problem, y, h, dW)``.
+        As for `sepv.verify`: a built-in name, ``module:attribute``, a `Scheme`, or
+        ``step(problem, y, h, dW)``.
     problem : str or Problem
         A built-in name, ``module:attribute``, a ``.json`` file of polynomial data, or a `Problem`.
     h : float > 0
@@ -120,24 +131,28 @@ def integrate(
     dW : (N, m), optional
         Untruncated increments to use instead of drawn ones.
     truncation : int, "own" or None
-        The k of the truncation in Remark 2.1; "own" means the k that the scheme declares, None means no truncation.
+        The k of the truncation in Remark 2.1; "own" means the k that the scheme declares, None
+        means no truncation.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        The distribution of the increments; by default the one that the scheme declares. A PointLaw replaces each normal
-        increment by the law's quantile at the same probability.
+        The distribution of the increments; by default the one that the scheme declares. A PointLaw
+        replaces each normal increment by the law's quantile at the same probability.
 
     Returns
     -------
     Trajectory
-        Times t (N+1,), states y (d, N+1), the increments dW (N, m) that were used, and counts of work.
+        Times t (N+1,), states y (d, N+1), the increments dW (N, m) that were used, and counts of
+        work.
 
     Raises
     ------
     StepFailure
         If the implicit equation of a step was not solved; raised at the first such step.
     SchemeFault
-        If the scheme returns something that is no state: its shape or type is wrong, or it is not finite.
+        If the scheme returns something that is no state: its shape or type is wrong, or it is not
+        finite.
     UsageError, TargetError
-        UsageError for invalid arguments. TargetError if `scheme` is no scheme or `problem` is no problem.
+        UsageError for invalid arguments. TargetError if `scheme` is no scheme or `problem` is no
+        problem.
 
     Examples
     --------
@@ -166,7 +181,9 @@ def integrate(
 
 
 def _walk(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array) -> Trajectory:
-    """Take N steps of the scheme, one after the other, from y0 (d,) over the increments dW (N, m)."""
+    """Take N steps of the scheme, one after the other, from y0 (d,) over the increments dW
+    (N, m).
+    """
     count = len(dW)
     y = np.empty((problem.dimension, count + 1))
     y[:, 0] = y0

@@ -1,4 +1,6 @@
-"""Checked arguments of a run of paths: scheme, problem, steps, initial state, the increments and their truncation."""
+"""Checked arguments of a run of paths: scheme, problem, steps, initial state,
+the increments and their truncation.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ MOST_STEPS = 2**53
 
 
 class Run(NamedTuple):
-    """Checked arguments shared by `integrate`, `ensemble` and `long_path`; k is the truncation's k (Remark 2.1)."""
+    """Checked arguments shared by `integrate`, `ensemble` and `long_path`;
+    k is the truncation's k (Remark 2.1).
+    """
 
     scheme: Scheme
     problem: Problem
@@ -33,14 +37,18 @@ def checked(
     scheme: str | Scheme | Step, problem: str | Problem, h: float, T: float | None, steps: int | None,
     y0: ArrayLike | None, truncation: int | Literal["own"] | None, increments: str | PointLaw | None,
 ) -> Run:  # fmt: skip
-    """Load scheme and problem and check the arguments of a run; errors are listed in `sepv.integrate`."""
+    """Load scheme and problem and check the arguments of a run;
+    errors are listed in `sepv.integrate`.
+    """
     problem = load_problem(problem)
     own, k = prepared(load_scheme(scheme, problems=(problem,)), truncation, increments)
     return Run(own, problem, initial_state(problem, y0), step_count(h, T, steps), k)
 
 
 def require_drawable(run: Run, h: float, seed: int, paths: range, refine: int | None) -> None:
-    """Raise an error if increments for the scheme cannot be drawn, or if a step of the scheme returns no state."""
+    """Raise an error if increments for the scheme cannot be drawn,
+    or if a step of the scheme returns no state.
+    """
     if run.scheme.asks:
         raise UsageError(
             expected="a scheme that sees increments alone: nothing else is drawn for many or long paths",
@@ -57,9 +65,11 @@ def require_drawable(run: Run, h: float, seed: int, paths: range, refine: int | 
 def prepared(
     scheme: Scheme, truncation: int | Literal["own"] | None, increments: str | PointLaw | None
 ) -> tuple[Scheme, int | None]:
-    """The scheme with the chosen distribution of increments (None: the one that it declares), and the truncation's k.
+    """The scheme with the chosen distribution of increments (None: the one that it declares),
+    and the truncation's k.
 
-    Increments with few values are bounded: their k is None, another k raises UsageError. Warns if k lowers the order.
+    Increments with few values are bounded: their k is None, another k raises UsageError. Warns if k
+    lowers the order.
     """
     if increments is not None:
         scheme = weakly(scheme, increments)
@@ -75,8 +85,8 @@ def prepared(
     if k is not None:
         k = require_whole("truncation k", k, "the paper takes k = 2, and None is no truncation")
     order = scheme.mean_square_order
-    # Clipping as in Remark 2.1 has a mean-square error O(h^{k+1}) per step. Mean-square order p allows h^{2p+1}, so
-    # k ≥ 2p is needed. `truncation_bound` refuses k < 1.
+    # Clipping as in Remark 2.1 has a mean-square error O(h^{k+1}) per step. Mean-square order p
+    # allows h^{2p+1}, so k ≥ 2p is needed. `truncation_bound` refuses k < 1.
     if k is not None and order is not None and 1 <= k < 2 * order:
         warnings.warn(
             f"Truncation k = {k} costs {scheme.name} its mean-square order {order:g}: the error stalls at order "
@@ -88,7 +98,9 @@ def prepared(
 
 
 def step_count(h: float, T: float | None, steps: int | None) -> int:
-    """The number N of steps: `steps`, or T/h. Raise UsageError if h, T and `steps` do not give such a number."""
+    """The number N of steps: `steps`, or T/h. Raise UsageError if h,
+    T and `steps` do not give such a number.
+    """
     if not is_number(h) or h <= 0:
         raise UsageError(
             expected="h, a finite step size > 0",

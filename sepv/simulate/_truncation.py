@@ -1,4 +1,6 @@
-"""Bounded increments: normal increments clipped as in Remark 2.1 of Cohen and Dujardin, or increments of few values."""
+"""Bounded increments: normal increments clipped as in Remark 2.1 of Cohen and Dujardin,
+or increments of few values.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,9 @@ def truncation_bound(h: float, k: int) -> float:
     Raises
     ------
     UsageError
-        If k < 1 or h ≥ 1. For h ≥ 1, |ln h| does not measure how small h is, and h = 1 would set every increment to
-        zero. Remark 2.1 assumes h < 1, and no other rule is used silently instead.
+        If k < 1 or h ≥ 1. For h ≥ 1, |ln h| does not measure how small h is, and h = 1 would set
+        every increment to zero. Remark 2.1 assumes h < 1, and no other rule is used silently
+        instead.
     """
     if not 0 < h < 1:
         raise UsageError(
@@ -35,14 +38,16 @@ def truncation_bound(h: float, k: int) -> float:
 
 
 def truncate(dW: ArrayLike, h: float, k: int | None = 2, unit: float = 1.0) -> Array:
-    """Truncate Wiener increments over a step h: ΔŴ = √h clip(ΔW/√h, ±A_h); for k = None return them unchanged.
+    """Truncate Wiener increments over a step h: ΔŴ = √h clip(ΔW/√h, ±A_h);
+    for k = None return them unchanged.
 
     Parameters
     ----------
     dW : array_like of any shape
         Wiener increments of variance h.
     k : int, optional
-        The k of A_h = √(2k|ln h|); 2 in the paper. The error is E[(ΔW − ΔŴ)²] ≤ h^(k+1)(1 + 2√(2k|ln h|)).
+        The k of A_h = √(2k|ln h|); 2 in the paper. The error is E[(ΔW − ΔŴ)²]
+        ≤ h^(k+1)(1 + 2√(2k|ln h|)).
     unit : float, optional
         The time scale of the problem: A_h is computed from h/unit.
     """
@@ -56,7 +61,8 @@ def truncate(dW: ArrayLike, h: float, k: int | None = 2, unit: float = 1.0) -> A
 def seen(
     dW: ArrayLike, h: float, k: int | None = 2, increments: str | PointLaw | None = None, unit: float = 1.0
 ) -> Array:
-    """The increments that a scheme gets: truncated Wiener increments, or increments with few values.
+    """The increments that a scheme gets: truncated Wiener increments,
+    or increments with few values.
 
     Parameters
     ----------
@@ -67,7 +73,8 @@ def seen(
     unit : float, optional
         As for `truncate`.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        A PointLaw replaces each increment ΔW by √h times the law's quantile at the probability Φ(ΔW/√h).
+        A PointLaw replaces each increment ΔW by √h times the law's quantile at the probability
+        Φ(ΔW/√h).
 
     Examples
     --------
@@ -82,7 +89,9 @@ def seen(
 
 
 def points(h: float, law: PointLaw | None) -> tuple[Array, Array]:
-    """Thresholds of ΔW over a step h, and the values that replace ΔW between them; both are empty if `law` is None."""
+    """Thresholds of ΔW over a step h, and the values that replace ΔW between them;
+    both are empty if `law` is None.
+    """
     if law is None:
         return np.empty(0), np.empty(0)
     root = math.sqrt(h)

@@ -1,10 +1,12 @@
-"""Wiener increments of numbered paths; the same path can be drawn with finer and with coarser steps.
+"""Wiener increments of numbered paths; the same path can be drawn with finer and with coarser
+steps.
 
-Every path has its own random streams, so path number p has the same increments in any run and engine. Lévy's
-construction halves coarse increments again and again, level by level. The first stream draws the coarse levels. Each
-finer level has its own stream, read in the order of time, so that a path of any length can be drawn piece by piece. A
-stream is numpy's generator SFC64, whose state is cheap to set: two words that `SeedSequence` makes from the seed, and
-one word with the numbers of the path and the stream.
+Every path has its own random streams, so path number p has the same increments in any run and
+engine. Lévy's construction halves coarse increments again and again, level by level. The first
+stream draws the coarse levels. Each finer level has its own stream, read in the order of time, so
+that a path of any length can be drawn piece by piece. A stream is numpy's generator SFC64, whose
+state is cheap to set: two words that `SeedSequence` makes from the seed, and one word with the
+numbers of the path and the stream.
 """
 
 from __future__ import annotations
@@ -19,11 +21,14 @@ from numpy.typing import ArrayLike, NDArray
 from sepv.errors import UsageError
 from sepv.problem import Array
 
-# Levels of Lévy's construction with at most this many increments are drawn from the path's first stream.
+# Levels of Lévy's construction with at most this many increments are drawn from the path's first
+# stream.
 TOP = 64
-# Rounds of mixing after a stream's state is set. NumPy uses 12 for SFC64; SFC64's author uses 18 for three words.
+# Rounds of mixing after a stream's state is set. NumPy uses 12 for SFC64; SFC64's author uses 18
+# for three words.
 MIXING = 18
-# The low six bits of a state word are the number of the stream: 64 streams, more than the levels of 2**58 steps.
+# The low six bits of a state word are the number of the stream: 64 streams, more than the levels of
+# 2**58 steps.
 STREAMS = 64
 
 
@@ -38,9 +43,9 @@ def increments(
     paths : int or range
         How many paths (numbered from 0), or the range of their numbers.
     refine : int, optional
-        How often a coarser grid is halved (Lévy's construction) to give the grid of `steps` steps; by default as often
-        as `steps` allows. All step counts n·2^l with the same odd n then give the same paths: up to rounding, a coarse
-        increment is the sum of its fine increments.
+        How often a coarser grid is halved (Lévy's construction) to give the grid of `steps` steps;
+        by default as often as `steps` allows. All step counts n·2^l with the same odd n then give
+        the same paths: up to rounding, a coarse increment is the sum of its fine increments.
 
     Returns
     -------
@@ -58,7 +63,9 @@ def increments(
 
 
 class Grid(NamedTuple):
-    """A grid of N = base·2^halvings steps; the path's first random stream draws the first `top` halvings."""
+    """A grid of N = base·2^halvings steps; the path's first random stream draws the first `top`
+    halvings.
+    """
 
     base: int
     halvings: int
@@ -71,7 +78,9 @@ class Grid(NamedTuple):
 
 
 def grid(steps: int, refine: int | None = None) -> Grid:
-    """The grid of `steps` steps with `refine` halvings; UsageError if `steps` is not divisible by 2^refine."""
+    """The grid of `steps` steps with `refine` halvings;
+    UsageError if `steps` is not divisible by 2^refine.
+    """
     halvings = (steps & -steps).bit_length() - 1
     if refine is not None:
         if not 0 <= refine <= halvings:
@@ -90,7 +99,9 @@ def grid(steps: int, refine: int | None = None) -> Grid:
 
 @lru_cache(maxsize=64)
 def spreads(T: float, grid: Grid) -> Array:
-    """Standard deviations of the draws by level: √h₀ for level 0 (coarse steps h₀), then ½√h for halving steps h."""
+    """Standard deviations of the draws by level: √h₀ for level 0 (coarse steps h₀),
+    then ½√h for halving steps h.
+    """
     h = T / grid.base * 0.5 ** np.maximum(np.arange(grid.halvings + 1) - 1.0, 0.0)
     factors: Array = 0.5 * np.sqrt(h)
     factors[0] *= 2
@@ -99,9 +110,11 @@ def spreads(T: float, grid: Grid) -> Array:
 
 @lru_cache(maxsize=64)
 def stream_words(seed: int, grid: Grid) -> NDArray[np.uint64]:
-    """The three state words (streams, 3) of each SFC64 stream of path 0: two from the seed, and the stream's level.
+    """The three state words (streams, 3) of each SFC64 stream of path 0: two from the seed,
+    and the stream's level.
 
-    Stream 0 draws the coarse part of a path (level 0), and stream i > 0 draws level top + i. Path p adds 64p to word 3.
+    Stream 0 draws the coarse part of a path (level 0), and stream i > 0 draws level top + i. Path p
+    adds 64p to word 3.
     """
     levels = np.concatenate([[0], np.arange(grid.top + 1, grid.halvings + 1)])
     words = np.random.SeedSequence(int(seed)).generate_state(2, np.uint64)
@@ -109,7 +122,9 @@ def stream_words(seed: int, grid: Grid) -> NDArray[np.uint64]:
 
 
 def stream_states(seed: int, paths: ArrayLike, grid: Grid) -> NDArray[np.uint64]:
-    """The initial SFC64 states (streams, 4, M) of M paths: three words and the counter 1, after MIXING draws."""
+    """The initial SFC64 states (streams, 4, M) of M paths: three words and the counter 1,
+    after MIXING draws.
+    """
     a, b, level = stream_words(seed, grid).T[..., None]
     word = level + np.asarray(paths, dtype=np.uint64)[None] * np.uint64(STREAMS)
     state = [np.full_like(word, a), np.full_like(word, b), word, np.ones_like(word)]
@@ -127,9 +142,11 @@ def stream_states(seed: int, paths: ArrayLike, grid: Grid) -> NDArray[np.uint64]
 def walk(
     seed: int, *, T: float, steps: int, noises: int, paths: int | range, refine: int | None = None, size: int
 ) -> Iterator[Array]:
-    """Yield the Wiener increments of M paths in the order of time, in pieces (k, m, M) of about `size` steps.
+    """Yield the Wiener increments of M paths in the order of time, in pieces (k, m, M)
+    of about `size` steps.
 
-    The arguments are those of `increments`. A piece has at least the 2^(halvings − top) steps of a coarse increment.
+    The arguments are those of `increments`. A piece has at least the 2^(halvings − top) steps of a
+    coarse increment.
     """
     wanted = range(paths) if isinstance(paths, int) else paths
     validate(seed, T, steps, noises, wanted)
@@ -154,7 +171,9 @@ def walk(
 
 
 def _halve(dW: Array, z: Array) -> Array:
-    """Split increments ΔW over steps h into ΔW/2 + z and ΔW/2 − z over half steps, given z ~ N(0, h/4)."""
+    """Split increments ΔW over steps h into ΔW/2 + z and ΔW/2 − z over half steps,
+    given z ~ N(0, h/4).
+    """
     left = 0.5 * dW + z
     return np.stack([left, dW - left], axis=1).reshape(2 * dW.shape[0], *dW.shape[1:])
 
@@ -182,7 +201,9 @@ class _Streams:
 
 
 def coarsen(dW: Array, factor: int) -> Array:
-    """The increments over steps `factor` times as long: sums of `factor` consecutive increments along axis 0."""
+    """The increments over steps `factor` times as long:
+    sums of `factor` consecutive increments along axis 0.
+    """
     if dW.shape[0] % factor:
         raise UsageError(
             expected=f"a number of steps divisible by {factor}",

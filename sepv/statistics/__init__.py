@@ -1,7 +1,7 @@
 """Estimates with intervals whose error probability is stated.
 
-Read `_jackknife` first (an interval for a statistic of means over paths). `_quantiles` has quantiles of Student's t, of
-F and of the binomial distribution.
+Read `_jackknife` first (an interval for a statistic of means over paths). `_quantiles` has
+quantiles of Student's t, of F and of the binomial distribution.
 """
 
 from __future__ import annotations

@@ -12,14 +12,17 @@ from sepv.statistics._quantiles import students_t
 
 Array = NDArray[np.float64]
 
-# The number of groups of paths for the jackknife. With more groups, each would have too few paths for a nearly normal
-# mean square. With fewer, the t-quantile (here with 31 degrees of freedom) would be larger.
+# The number of groups of paths for the jackknife. With more groups, each would have too few paths
+# for a nearly normal mean square. With fewer, the t-quantile (here with 31 degrees of freedom)
+# would be larger.
 GROUPS = 32
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """An estimate with a two-sided interval, value ± half, which misses the true value with probability alpha."""
+    """An estimate with a two-sided interval, value ± half,
+    which misses the true value with probability alpha.
+    """
 
     value: float
     half: float
@@ -37,10 +40,12 @@ class Estimate:
 
 
 def jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float) -> Estimate:
-    """Estimate `statistic`, a function of the n means over paths of `samples` (n, paths), and its interval.
+    """Estimate `statistic`, a function of the n means over paths of `samples` (n, paths),
+    and its interval.
 
-    The paths are divided into GROUPS groups, and the statistic is computed again with each group left out in turn.
-    The jackknife's interval is that of Student's t with GROUPS − 1 degrees of freedom.
+    The paths are divided into GROUPS groups, and the statistic is computed again with each group
+    left out in turn. The jackknife's interval is that of Student's t with GROUPS − 1 degrees of
+    freedom.
     """
     parts = np.array_split(samples, GROUPS, axis=1)
     groups = np.stack([part.sum(axis=1) for part in parts])
@@ -52,9 +57,11 @@ def jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float)
 
 
 def jackknife_half(left_out: Array, alpha: float) -> float:
-    """Half the width of the interval of level 1 − alpha, from G values of a statistic, each with one group left out.
+    """Half the width of the interval of level 1 − alpha, from G values of a statistic,
+    each with one group left out.
 
-    The interval is that of Student's t with G − 1 degrees of freedom (R. G. Miller, Biometrika 61, 1974).
+    The interval is that of Student's t with G − 1 degrees of freedom (R. G. Miller, Biometrika 61,
+    1974).
     """
     groups = left_out.size
     error = np.sqrt((groups - 1) / groups * np.sum((left_out - left_out.mean()) ** 2))

@@ -1,7 +1,7 @@
 """Quantiles of Student's t, of F and of the binomial distribution.
 
-The quantiles have twelve or more digits. SciPy is not used, because the import of `scipy.special` would take a
-twentieth of the time of all laws.
+The quantiles have twelve or more digits. SciPy is not used, because the import of `scipy.special`
+would take a twentieth of the time of all laws.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ import numpy as np
 
 @cache
 def students_t(tail: float, df: int) -> float:
-    """The quantile t with P(T > t) = tail, between 0 and ½, for Student's T with df degrees of freedom.
+    """The quantile t with P(T > t) = tail, between 0 and ½,
+    for Student's T with df degrees of freedom.
 
     P(|T| > t) = I_x(df/2, ½) with x = df/(df + t²), the regularised incomplete beta function.
     """
@@ -30,7 +31,9 @@ def students_t(tail: float, df: int) -> float:
 
 
 def fishers_f(tail: float, n: int) -> float:
-    """The quantile f with P(F < f) = tail, for F with n and n degrees of freedom; √n (√F − 1/√F)/2 is Student's T."""
+    """The quantile f with P(F < f) = tail, for F with n and n degrees of freedom;
+    √n (√F − 1/√F)/2 is Student's T.
+    """
     t = students_t(tail, n) / sqrt(n)
     return (sqrt(1 + t * t) - t) ** 2
 

@@ -1,9 +1,9 @@
 """Studies of schemes: error against cost, times of two versions, hard cases, long times.
 
-The studies do not depend on each other. Each has a command and is loaded on demand: `_compare` (error against cost),
-`_bench` (counts of evaluations, times of two versions in pairs), `_hard_cases`, `_energy_growth`,
-`_solvability`. `_evaluation_count` counts the evaluations of a scheme. The paper's
-own experiments are in `sepv.paper`.
+The studies do not depend on each other. Each has a command and is loaded on demand: `_compare`
+(error against cost), `_bench` (counts of evaluations, times of two versions in pairs),
+`_hard_cases`, `_energy_growth`, `_solvability`. `_evaluation_count` counts the evaluations of a
+scheme. The paper's own experiments are in `sepv.paper`.
 """
 
 from __future__ import annotations

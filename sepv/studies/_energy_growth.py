@@ -1,17 +1,21 @@
-"""Energy over long times: E[H(y_n)] − H(y0) and the rms of H(y_n) − H(y0) against t, with a verdict on both.
+"""Energy over long times: E[H(y_n)] − H(y0) and the rms of H(y_n) − H(y0) against t,
+with a verdict on both.
 
-Scheme (2.1) keeps H up to rounding. A symplectic scheme with a fixed step has an error that stays bounded for very
-long. With random steps, its energy does a random walk of rms O(√t), and its mean energy drifts; the drift is smaller
-than the walk until t is of the order 1/h² (`_energy_diffusion`). An explicit scheme drifts by O(h)t, and faster later.
+Scheme (2.1) keeps H up to rounding. A symplectic scheme with a fixed step has an error that stays
+bounded for very long. With random steps, its energy does a random walk of rms O(√t), and its mean
+energy drifts; the drift is smaller than the walk until t is of the order 1/h²
+(`_energy_diffusion`). An explicit scheme drifts by O(h)t, and faster later.
 
-The errors at the times T/2^k are taken on the same paths. The growth is the exponent p of rms ∝ t^p over the last
-DOUBLINGS doublings of t; the drift is the mean over paths of (H(T) − H(T/4))/(3T/4). Both have intervals of confidence
-1 − LEVEL, the first by a jackknife over paths. If means over many paths are normal, one kind of growth is mistaken for
-another with probability at most LEVEL. A drift that does not exist is found with probability at most LEVEL.
+The errors at the times T/2^k are taken on the same paths. The growth is the exponent p of rms ∝ t^p
+over the last DOUBLINGS doublings of t; the drift is the mean over paths of (H(T) − H(T/4))/(3T/4).
+Both have intervals of confidence 1 − LEVEL, the first by a jackknife over paths. If means over many
+paths are normal, one kind of growth is mistaken for another with probability at most LEVEL. A drift
+that does not exist is found with probability at most LEVEL.
 
-This is a study and not a law of the suite. Schemes that do not keep H claim nothing about how the error of H grows.
-Seeing the drift of a symplectic scheme takes 10⁷ steps, fifty times the steps of all laws. The laws *energy* and
-*rounding* check schemes that keep H; the law *long-time-energy* is for problems without noise.
+This is a study and not a law of the suite. Schemes that do not keep H claim nothing about how the
+error of H grows. Seeing the drift of a symplectic scheme takes 10⁷ steps, fifty times the steps of
+all laws. The laws *energy* and *rounding* check schemes that keep H; the law *long-time-energy* is
+for problems without noise.
 """
 
 from __future__ import annotations
@@ -35,8 +39,9 @@ from sepv.simulate import ensemble
 from sepv.statistics import students_t
 from sepv.studies._energy_diffusion import EnergyDiffusion, energy_diffusion
 
-# A bounded error oscillates. If its size doubles between two times, the slope is 1 over one doubling of t, but at most
-# 1/4 over four. The period of the oscillation has to be below T/2^DOUBLINGS.
+# A bounded error oscillates. If its size doubles between two times, the slope is 1 over one
+# doubling of t, but at most 1/4 over four. The period of the oscillation has to be below
+# T/2^DOUBLINGS.
 DOUBLINGS = 4
 # Line styles of a scheme's measured curve, and of its curve by theory.
 STYLES: tuple[Literal["points", "line"], ...] = ("points", "line")
@@ -46,11 +51,12 @@ STYLES: tuple[Literal["points", "line"], ...] = ("points", "line")
 class Growth:
     """The energy's error of one scheme over long times.
 
-    times, mean, error, rms : (L,), times, E[H(y_n)] − H(y0) with its standard error, and the rms of H(y_n) − H(y0)
-    exponent, drift : each a value and half the width of its interval; the drift is per unit of time
-    rounding : a bound of the rms at T that rounding alone may cause
-    failed : the number of paths with a failed step or an energy that is not finite; if not 0, nothing is judged
-    derived : offset, drift and diffusion by theory; None if the theory does not hold for the scheme, or not up to T
+    times, mean, error, rms : (L,), times, E[H(y_n)] − H(y0) with its standard error, and the rms of
+    H(y_n) − H(y0) exponent, drift : each a value and half the width of its interval; the drift is
+    per unit of time rounding : a bound of the rms at T that rounding alone may cause failed : the
+    number of paths with a failed step or an energy that is not finite; if not 0, nothing is judged
+    derived : offset, drift and diffusion by theory; None if the theory does not hold for the
+    scheme, or not up to T
     """
 
     scheme: str
@@ -67,9 +73,11 @@ class Growth:
 
     @property
     def kind(self) -> str:
-        """The kind of growth of the rms: "rounding", "bounded", "a random walk", "linear" or "faster than linear".
+        """The kind of growth of the rms: "rounding", "bounded", "a random walk",
+        "linear" or "faster than linear".
 
-        The kind is "open" (undecided) if the interval of the exponent does not decide, or if paths failed.
+        The kind is "open" (undecided) if the interval of the exponent does not decide, or if paths
+        failed.
         """
         if self.failed:
             return "open"
@@ -77,11 +85,15 @@ class Growth:
 
     @property
     def drifts(self) -> bool:
-        """True if the mean energy drifts: the drift's interval excludes 0, and the error exceeds rounding."""
+        """True if the mean energy drifts: the drift's interval excludes 0,
+        and the error exceeds rounding.
+        """
         return self.kind != "rounding" and not self.failed and abs(self.drift[0]) > self.drift[1]
 
     def to_json(self) -> dict[str, Any]:
-        """The fields, and the verdicts `kind` and `drifts`, for a JSON file; numbers that are not finite are null."""
+        """The fields, and the verdicts `kind` and `drifts`, for a JSON file;
+        numbers that are not finite are null.
+        """
         fields = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in asdict(self).items()}
         return {k: finite(v) for k, v in fields.items()} | {"kind": self.kind, "drifts": self.drifts}
 
@@ -101,9 +113,11 @@ class Growth:
 def growth(
     scheme: Scheme, problem: Problem, *, h: float, T: float, paths: int, seed: int = 0, engine: str = "auto"
 ) -> Growth:  # fmt: skip
-    """Measure the growth of the energy's error over `paths` paths from the problem's initial state up to T.
+    """Measure the growth of the energy's error over `paths` paths from the problem's initial state
+    up to T.
 
-    Raises UsageError unless T/h is a multiple of 2^DOUBLINGS, because the times T/2^k must be multiples of h.
+    Raises UsageError unless T/h is a multiple of 2^DOUBLINGS, because the times T/2^k must be
+    multiples of h.
     """
     steps = round(T / h)
     if steps < 2**DOUBLINGS or steps % 2**DOUBLINGS or not np.isclose(steps * h, T, rtol=1e-12):
@@ -132,7 +146,9 @@ def judged(
     scheme: str, times: Array, errors: Array, *, rounding: float, failed: int = 0,
     derived: EnergyDiffusion | None = None,
 ) -> Growth:  # fmt: skip
-    """The growth and drift of the energy's `errors` (L, M) on M paths at `times` (L,), which end in T/4, T/2, T."""
+    """The growth and drift of the energy's `errors` (L, M) on M paths at `times` (L,),
+    which end in T/4, T/2, T.
+    """
     paths = errors.shape[1]
     rates = (errors[-1] - errors[-3]) / (times[-1] - times[-3])
     half = float(students_t(LEVEL / 2, paths - 1) * np.std(rates, ddof=1) / np.sqrt(paths))
@@ -145,9 +161,11 @@ def judged(
 
 
 def draw(rows: Sequence[Growth], title: str, suffix: str, own: dict[str, Look] | None = None) -> bytes:
-    """Draw how the energy's error of each scheme grows, and return the content of a file; needs the extra `plots`.
+    """Draw how the energy's error of each scheme grows, and return the content of a file;
+    needs the extra `plots`.
 
-    The left panel has |E[H] − H(y0)| against time, the right panel the rms of H − H(y0), with the theory if any.
+    The left panel has |E[H] − H(y0)| against time, the right panel the rms of H − H(y0), with the
+    theory if any.
     """
     look_of = looks((row.scheme for row in rows), own)
     with figure(9.5, 4.4, layout="constrained") as drawn:

@@ -1,7 +1,9 @@
-"""Energy over long times without noise, c = (): the largest |H(y_n) − H(y_0)| up to t, with steps h and h/2.
+"""Energy over long times without noise, c = (): the largest |H(y_n) − H(y_0)| up to t,
+with steps h and h/2.
 
-If the problem has one degree of freedom and the orbit is closed, there is also a verdict on a trend of the energy, by
-the method of the law *long-time-energy*; its theory (`sepv.properties._orders.integrable`) covers no other orbits.
+If the problem has one degree of freedom and the orbit is closed, there is also a verdict on a trend
+of the energy, by the method of the law *long-time-energy*; its theory
+(`sepv.properties._orders.integrable`) covers no other orbits.
 """
 
 from __future__ import annotations
@@ -28,10 +30,10 @@ POINTS, PATHS = 256, 8
 class QuietGrowth:
     """The energy's error of one scheme without noise, with the steps h and h/2.
 
-    times, largest : times (L,), and the largest |H(y_n) − H(y_0)| up to each (2, L), for h and h/2; NaN after a failure
-    rounding : a bound of the error at the last time that rounding alone may cause
-    trend : a verdict on a trend of the mean energy, such as "no trend" or "not judged", and the reason
-    failed : a text on the first step that failed, "" if none did
+    times, largest : times (L,), and the largest |H(y_n) − H(y_0)| up to each (2, L), for h and h/2;
+    NaN after a failure rounding : a bound of the error at the last time that rounding alone may
+    cause trend : a verdict on a trend of the mean energy, such as "no trend" or "not judged", and
+    the reason failed : a text on the first step that failed, "" if none did
     """
 
     scheme: str
@@ -61,9 +63,11 @@ class QuietGrowth:
 
 
 def quiet_growth(scheme: Scheme, problem: Problem, *, h: float, T: float) -> QuietGrowth:
-    """Measure the growth of the energy's error without noise, c = (), from the problem's initial state up to T.
+    """Measure the growth of the energy's error without noise, c = (),
+    from the problem's initial state up to T.
 
-    Raises UsageError for a problem with a different vector field for each noise, or without an initial state.
+    Raises UsageError for a problem with a different vector field for each noise, or without an
+    initial state.
     """
     if is_several(problem) or problem.initial is None:
         raise UsageError(
@@ -87,9 +91,11 @@ def quiet_growth(scheme: Scheme, problem: Problem, *, h: float, T: float) -> Qui
 
 
 def _trend(scheme: Scheme, problem: Problem, h: float, T: float) -> tuple[str, str]:
-    """The verdict on a trend of the mean energy, in words, and its reason, as in the law *long-time-energy*.
+    """The verdict on a trend of the mean energy, in words, and its reason,
+    as in the law *long-time-energy*.
 
-    The step is not exactly h, nor the time exactly T, because both are fitted to the period of the orbit.
+    The step is not exactly h, nor the time exactly T, because both are fitted to the period of the
+    orbit.
     """
     try:
         orbits = users_orbits(problem)
@@ -103,9 +109,11 @@ def _trend(scheme: Scheme, problem: Problem, h: float, T: float) -> tuple[str, s
 
 
 def draw(rows: Sequence[QuietGrowth], title: str, suffix: str, own: dict[str, Look] | None = None) -> bytes:
-    """Draw how the energy's error grows without noise, and return the content of a file; needs the extra `plots`.
+    """Draw how the energy's error grows without noise, and return the content of a file;
+    needs the extra `plots`.
 
-    The picture shows the largest |H(y_n) − H(y_0)| up to time t against t, for each scheme with h and with h/2.
+    The picture shows the largest |H(y_n) − H(y_0)| up to time t against t, for each scheme with h
+    and with h/2.
     """
     look_of = looks((row.scheme for row in rows), own)
     shown = [

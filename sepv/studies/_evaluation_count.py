@@ -1,7 +1,8 @@
-"""Counts of evaluations of B, ∇H and the like: a scheme gets a copy of the problem whose functions count their calls.
+"""Counts of evaluations of B, ∇H and the like: a scheme gets a copy of the problem whose functions
+count their calls.
 
-Each count is the exact number of states at which a function was evaluated, whatever the scheme reports. So a single
-additional evaluation is seen.
+Each count is the exact number of states at which a function was evaluated, whatever the scheme
+reports. So a single additional evaluation is seen.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ import numpy as np
 
 from sepv.problem import Problem
 
-# The functions of a problem whose evaluations are counted, and the kind of evaluation that each is counted as.
+# The functions of a problem whose evaluations are counted, and the kind of evaluation that each is
+# counted as.
 COUNTED = {
     "gradient": "gradient",
     "mean_gradient": "gradient",  # a closed form replaces a quadrature of ∇H
@@ -29,13 +31,17 @@ KINDS = tuple(dict.fromkeys(COUNTED.values()))
 
 @dataclass
 class Work:
-    """The number of states at which each function was evaluated, and the Newton iterations that the scheme reports."""
+    """The number of states at which each function was evaluated,
+    and the Newton iterations that the scheme reports.
+    """
 
     evaluations: dict[str, int] = field(default_factory=lambda: dict.fromkeys(KINDS, 0))
     iterations: int | None = None
 
     def to_json(self) -> dict[str, int | None]:
-        """The evaluations by kind, and the iterations, which are None if the scheme does not report them."""
+        """The evaluations by kind, and the iterations,
+        which are None if the scheme does not report them.
+        """
         return {**self.evaluations, "iterations": self.iterations}
 
 

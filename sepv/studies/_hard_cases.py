@@ -1,8 +1,9 @@
-"""Steps of a scheme on hard cases (`sepv.hard_cases`): how they end, and their errors of H in extended precision.
+"""Steps of a scheme on hard cases (`sepv.hard_cases`): how they end,
+and their errors of H in extended precision.
 
 A step ends well in one of two ways: a value within the derived bound of `sepv.law.tolerance`, or a
-refusal that the case allows. Every other end is counted as a fault: a value that is not finite or outside the domain, a
-defect beyond the bound, a refusal although a solution exists.
+refusal that the case allows. Every other end is counted as a fault: a value that is not finite or
+outside the domain, a defect beyond the bound, a refusal although a solution exists.
 """
 
 from __future__ import annotations
@@ -32,15 +33,16 @@ BATCH = 500
 class Seen:
     """The results of one scheme on one hard case, collected over batches of steps.
 
-    statuses : status -> number of steps, by name of `Status`; REFUSED after StepFailure, CRASH after another error
-    wrong : kind -> number of wrong values that the scheme returned as solutions; kinds are "not finite", "outside
+    statuses : status -> number of steps, by name of `Status`; REFUSED after StepFailure, CRASH
+    after another error wrong : kind -> number of wrong values that the scheme returned as
+    solutions; kinds are "not finite", "outside
         the domain", "beyond the bound" and "residual beyond the bound"
-    defects : (n,), energy defects of the solved steps, in energy ulps
-    ratio : the largest quotient of a defect and its bound
-    iterations : (n,), Newton iterations of the solved steps, if the scheme reports them
-    worst : the first step that went wrong, else the step with the largest ratio; None if it cannot be stored as data
-    laws : law -> (number of steps on which it held, number of steps on which it was measured)
-    unmeasured : the number of solved steps whose energy ulp or bound exceeds the largest binary64 number
+    defects : (n,), energy defects of the solved steps, in energy ulps ratio : the largest quotient
+    of a defect and its bound iterations : (n,), Newton iterations of the solved steps, if the
+    scheme reports them worst : the first step that went wrong, else the step with the largest
+    ratio; None if it cannot be stored as data laws : law -> (number of steps on which it held,
+    number of steps on which it was measured) unmeasured : the number of solved steps whose energy
+    ulp or bound exceeds the largest binary64 number
     """
 
     case: HardCase
@@ -63,14 +65,17 @@ class Seen:
     def strays(self) -> set[str]:
         """The names of statuses in which steps ended although the case does not allow them.
 
-        If the case allows some refusal, it allows StepFailure too, because the exception does not tell the status.
+        If the case allows some refusal, it allows StepFailure too, because the exception does not
+        tell the status.
         """
         refusals = {*self.case.refusals, "REFUSED"} if self.case.refusals else set()
         return set(self.statuses) - {"CONVERGED"} - refusals
 
     @property
     def as_expected(self) -> bool:
-        """True if the case allows the statuses of all steps, no returned value is wrong, and every law held."""
+        """True if the case allows the statuses of all steps, no returned value is wrong,
+        and every law held.
+        """
         return not self.wrong and not self.strays and all(a == b for a, b in self.laws.values())
 
     def to_json(self) -> dict[str, Any]:
@@ -103,7 +108,8 @@ def run(
     seed: int = 0,
     progress: Callable[[str, float], None] = lambda *_: None,
 ) -> list[Seen]:
-    """Run a scheme on `steps` random steps of each hard case; check the case's laws on `laws` other random steps.
+    """Run a scheme on `steps` random steps of each hard case;
+    check the case's laws on `laws` other random steps.
 
     Parameters
     ----------
@@ -126,7 +132,9 @@ def run(
 
 
 def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
-    """Solve the steps of one sample, and add their statuses, energy defects and wrong values to `seen`."""
+    """Solve the steps of one sample, and add their statuses,
+    energy defects and wrong values to `seen`.
+    """
     problem, (y, h, dW) = seen.case.problem, sample
     value, names, residual, iterations = ask_each(scheme, problem, sample)
     seen.steps += y.shape[1]
@@ -170,7 +178,8 @@ def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
 
 
 def long_steps(problem: Problem, text: str = "") -> HardCase:
-    """Make a hard case of a user's problem: steps from near its initial state, some of them too long to be solved.
+    """Make a hard case of a user's problem: steps from near its initial state,
+    some of them too long to be solved.
 
     The scheme may refuse any step, but every value that it returns must be right.
     """
@@ -198,16 +207,19 @@ def long_steps(problem: Problem, text: str = "") -> HardCase:
 
 
 def energy_defects(data: Description, y0: Array, y1: Array) -> Array:
-    """The defects |H(y1) − H(y0)| of M steps, (M,), with H evaluated in extended precision at the binary64 states."""
+    """The defects |H(y1) − H(y0)| of M steps, (M,), with H evaluated in extended precision at the
+    binary64 states.
+    """
     H = exact_energy(data)
     return np.array([abs(float(H(b) - H(a))) for a, b in zip(y0.T, y1.T, strict=True)])
 
 
 def ask_each(scheme: Scheme, problem: Problem, sample: Sample) -> tuple[Array, np.ndarray, Array, np.ndarray]:
-    """The results of a scheme on M steps: values (d, M), names of statuses (M,), residuals (M,) and iterations (M,).
+    """The results of a scheme on M steps: values (d, M), names of statuses (M,), residuals (M,)
+    and iterations (M,).
 
-    The scheme's `solve` computes all steps at once. If the scheme has no `solve`, steps are computed one at a time, and
-    residuals and iterations are 0.
+    The scheme's `solve` computes all steps at once. If the scheme has no `solve`, steps are
+    computed one at a time, and residuals and iterations are 0.
     """
     y, h, dW = sample
     if scheme.solve is not None:
@@ -238,9 +250,11 @@ def _count(seen: Seen, sample: Sample, lanes: Array, what: str) -> None:
 
 
 def _tilt(case: HardCase, scheme: Scheme, y0: Array, y1: Array, h: float, dW: Array) -> Array | float:
-    """The bound |Δ| gᵀ|S|g (M,) of the change of H by a B that is not quite skew, with the symmetric part S of B.
+    """The bound |Δ| gᵀ|S|g (M,) of the change of H by a B that is not quite skew,
+    with the symmetric part S of B.
 
-    g is the largest |∇H| at points from y0 to y1. A scheme's averages of ∇H are at most `amplification` times g.
+    g is the largest |∇H| at points from y0 to y1. A scheme's averages of ∇H are at most
+    `amplification` times g.
     """
     if not case.skewness:
         return 0.0
@@ -249,7 +263,8 @@ def _tilt(case: HardCase, scheme: Scheme, y0: Array, y1: Array, h: float, dW: Ar
     g = np.abs(problem.gradient(y0[:, None] + along * (y1 - y0)[:, None])).max(axis=1)
     S = problem.structure(y0)
     tilt: Array = np.sum(g * matvec(0.5 * np.abs(S + np.swapaxes(S, 0, 1)), g), axis=0)
-    # The mean of |∇H| is below its largest value, which 9 points may miss by a little: hence the factor 1.1.
+    # The mean of |∇H| is below its largest value, which 9 points may miss by a little: hence the
+    # factor 1.1.
     allowed: Array = 1.1 * amplification(scheme.stages) ** 2 * np.abs(problem.random_step(h, dW)) * tilt
     return allowed
 
@@ -262,7 +277,8 @@ def _as_case(case: HardCase, sample: Sample, lane: int) -> Case | None:
 
 
 def _laws(scheme: Scheme, case: HardCase, sample: Sample, count: int) -> dict[str, tuple[int, int]]:
-    """Check the claimed laws of the case on `count` steps; return law -> (steps on which it held, steps measured).
+    """Check the claimed laws of the case on `count` steps;
+    return law -> (steps on which it held, steps measured).
 
     If the case allows refusals, a refused step is not counted as measured.
     """

@@ -1,7 +1,8 @@
-"""A table of states (t, y, and dW if there is noise) as a file: CSV, columns, .npy or the JSON of ``sepv run``.
+"""A table of states (t, y, and dW if there is noise) as a file: CSV, columns,
+.npy or the JSON of ``sepv run``.
 
-A number in a text is known to half a unit of its last digit. `Rows.half` has this half unit, so that a table with six
-digits is not accused of errors that its digits cause.
+A number in a text is known to half a unit of its last digit. `Rows.half` has this half unit, so
+that a table with six digits is not accused of errors that its digits cause.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ FORMATS = "rows t, y_1 … y_d, and dW_1 … dW_m if there is noise: .csv, colum
 class Rows:
     """The states of one path.
 
-    t : (N + 1,), times; y : (d, N + 1), states; half : (d, N + 1), half a unit in the last digit of each y
-    t_half : half a unit in the last digit of a time
-    dW, dW_half : (N, m), the increments of the steps that end in rows 1 to N, or None if the table has none
+    t : (N + 1,), times; y : (d, N + 1), states; half : (d, N + 1), half a unit in the last digit of
+    each y t_half : half a unit in the last digit of a time dW, dW_half : (N, m), the increments of
+    the steps that end in rows 1 to N, or None if the table has none
     """
 
     t: Array
@@ -56,7 +57,8 @@ def read_rows(path: str | Path, problem: Problem, h: float | None = None) -> Row
     Raises
     ------
     UsageError
-        For a file that cannot be read, has another number of columns, or numbers that are not finite.
+        For a file that cannot be read, has another number of columns, or numbers that are not
+        finite.
     """
     values, half = _numbers(Path(path))
     d, m, columns = problem.dimension, problem.noises, values.shape[1]
@@ -123,7 +125,9 @@ def _numbers(path: Path) -> tuple[Array, Array]:
 
 
 def _from_text(path: Path) -> tuple[Array, Array]:
-    """The numbers of a text, separated by commas, semicolons or blanks; # begins a comment, a heading may come."""
+    """The numbers of a text, separated by commas, semicolons or blanks; # begins a comment,
+    a heading may come.
+    """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -159,9 +163,10 @@ def _is_number(word: str) -> bool:
 def _half_units(words: list[str]) -> list[float]:
     """Half a unit in the last digit of each number of a column.
 
-    C's %g and Python's repr leave out zeros at the end, so one number does not show its digits. The longest numbers of
-    the column do: D decimals, among numbers without an exponent, and S significant digits. A fixed format rounds at the
-    D-th decimal, %g and %e at the S-th digit; which of the two it was is not known, so the larger unit counts.
+    C's %g and Python's repr leave out zeros at the end, so one number does not show its digits. The
+    longest numbers of the column do: D decimals, among numbers without an exponent, and S
+    significant digits. A fixed format rounds at the D-th decimal, %g and %e at the S-th digit;
+    which of the two it was is not known, so the larger unit counts.
     """
     parts = [re.fullmatch(r"[+-]?(\d*)\.?(\d*)(?:e([+-]?\d+))?", _plain(w), re.IGNORECASE) for w in words]
     decimals = max((len(p[2]) for p in parts if p and p[3] is None), default=0)

@@ -1,15 +1,17 @@
-"""Drift of the invariants of a table of states, and whether each row is a step of a scheme from the row before.
+"""Drift of the invariants of a table of states, and whether each row is a step of a scheme from the
+row before.
 
-**Growth.** The errors e(t) = I(y(t)) − I(y(0)) of a single path are cut into 16 to 64 blocks. In each block the errors
-since its start are a sample of how the error grows over the times T_b/2^k, T_b the length of a block. The exponent of
-their rms has a confidence interval by a jackknife over the blocks (`sepv.properties.growth_exponent`). So growth is
-judged up to the time T_b. What grows faster than linearly is a line within a block, and is called a trend. So is an
-oscillation with a period longer than T_b/16, unless its changes over sixteenths of the table have no mean that differs
+**Growth.** The errors e(t) = I(y(t)) − I(y(0)) of a single path are cut into 16 to 64 blocks. In
+each block the errors since its start are a sample of how the error grows over the times T_b/2^k,
+T_b the length of a block. The exponent of their rms has a confidence interval by a jackknife over
+the blocks (`sepv.properties.growth_exponent`). So growth is judged up to the time T_b. What grows
+faster than linearly is a line within a block, and is called a trend. So is an oscillation with a
+period longer than T_b/16, unless its changes over sixteenths of the table have no mean that differs
 from 0: then it is inconclusive.
 
-**Steps.** Row n + 1 is a step of a scheme if |Φ(y_n) − y_{n+1}| is at most what half a unit in the last digit of
-y_n, y_{n+1}, h and dW can change, and what rounding can. The effect of the digits of y_n is measured by steps from
-y_n ± half a unit.
+**Steps.** Row n + 1 is a step of a scheme if |Φ(y_n) − y_{n+1}| is at most what half a unit in the
+last digit of y_n, y_{n+1}, h and dW can change, and what rounding can. The effect of the digits of
+y_n is measured by steps from y_n ± half a unit.
 """
 
 from __future__ import annotations
@@ -33,14 +35,17 @@ from sepv.studies._table_of_states import Rows, read_rows
 
 __all__ = ["TREND", "Drift", "Mismatch", "Rows", "drifts", "first_mismatch", "read_rows"]
 
-# Blocks: the more, the narrower the interval, and the shorter the time over which growth is judged. A random walk needs
-# about 64 for an interval of ± 0.2, which tells it from bounded and linear errors.
+# Blocks: the more, the narrower the interval, and the shorter the time over which growth is judged.
+# A random walk needs about 64 for an interval of ± 0.2, which tells it from bounded and linear
+# errors.
 FEWEST_BLOCKS, BLOCKS = 16, 64
 TREND = "a trend, linear or faster"
-# Rounding of a step relative to |y|: the residual of our solvers is at most 256 eps (`ROUNDING` of the stop rule).
+# Rounding of a step relative to |y|: the residual of our solvers is at most 256 eps (`ROUNDING` of
+# the stop rule).
 STEP_ROUNDING = 256 * EPS
-# Digits are allowed a quarter more than their first-order effect, for the curvature of the step over half a unit. This
-# factor is a heuristic: for three digits and a step of the size of y, the second-order effect is below a tenth.
+# Digits are allowed a quarter more than their first-order effect, for the curvature of the step
+# over half a unit. This factor is a heuristic: for three digits and a step of the size of y, the
+# second-order effect is below a tenth.
 CURVATURE = 1.25
 
 
@@ -48,8 +53,9 @@ CURVATURE = 1.25
 class Drift:
     """The drift of one invariant along a table.
 
-    errors : (N + 1,), I(y_n) − I(y_0); digits : (N + 1,), what the digits of the table can change in them
-    exponent : value and half-width of the interval of p in t^p; rounding : what rounding can change over all steps
+    errors : (N + 1,), I(y_n) − I(y_0); digits : (N + 1,), what the digits of the table can change
+    in them exponent : value and half-width of the interval of p in t^p; rounding : what rounding
+    can change over all steps
     """
 
     name: str
@@ -65,7 +71,9 @@ class Drift:
 
     @property
     def kind(self) -> str:
-        """The explanation of the errors, "digits" or "rounding"; else a kind of growth, or "inconclusive"."""
+        """The explanation of the errors, "digits" or "rounding"; else a kind of growth,
+        or "inconclusive".
+        """
         if np.all(np.abs(self.errors) <= self.rounding):
             return "rounding"
         if np.all(np.abs(self.errors) <= self.digits + self.rounding):
@@ -76,9 +84,11 @@ class Drift:
 
     @property
     def _goes_one_way(self) -> bool:
-        """True if the changes over sixteenths of the table have a mean that is not 0, at the level of the exponent.
+        """True if the changes over sixteenths of the table have a mean that is not 0,
+        at the level of the exponent.
 
-        Within a block, an oscillation with a longer period is a line. Over the table its changes have both signs.
+        Within a block, an oscillation with a longer period is a line. Over the table its changes
+        have both signs.
         """
         ends = np.linspace(0, self.errors.size - 1, FEWEST_BLOCKS + 1).astype(int)
         changes = np.diff(self.errors[ends])
@@ -99,7 +109,9 @@ class Drift:
 
 @dataclass(frozen=True)
 class Mismatch:
-    """A row that is not a step of the scheme: its number (from 1), component (from 1), both values, and the bound."""
+    """A row that is not a step of the scheme: its number (from 1), component (from 1), both values,
+    and the bound.
+    """
 
     row: int
     component: int
@@ -109,7 +121,9 @@ class Mismatch:
 
 
 def drifts(rows: Rows, problem: Problem) -> list[Drift]:
-    """The drift of H and of each Casimir, evaluated in extended precision where the machine has it."""
+    """The drift of H and of each Casimir, evaluated in extended precision where the machine has
+    it.
+    """
     y: Any = rows.y.astype(np.longdouble)
     with np.errstate(all="ignore"):
         named = [("H", problem.hamiltonian(y), problem.gradient(rows.y))]
@@ -128,7 +142,8 @@ def drifts(rows: Rows, problem: Problem) -> list[Drift]:
     found = []
     for name, values, slope in named:
         digits = np.sum(np.abs(slope) * rows.half, axis=0)
-        # Half a unit of the first row and of row n; the rounding of a walk is that of H, scaled to this invariant.
+        # Half a unit of the first row and of row n; the rounding of a walk is that of H, scaled to
+        # this invariant.
         scale = float(np.max(np.sum(np.abs(slope * rows.y), axis=0)) + np.max(np.abs(values)))
         walk = (
             rounding_walk(problem, rows.y, rows.steps) if name == "H" else 8 * EPS * rows.steps**0.5 * scale
@@ -156,7 +171,8 @@ def _exponent(t: Array, errors: Array) -> tuple[float, float]:
 def first_mismatch(rows: Rows, problem: Problem, scheme: Scheme) -> Mismatch | None:
     """The first row that is not a step of the scheme from the row before, or None.
 
-    Raises UsageError for a problem with noise if the table has no increments, and for a scheme with a memory.
+    Raises UsageError for a problem with noise if the table has no increments, and for a scheme with
+    a memory.
     """
     if problem.noises and rows.dW is None:
         raise UsageError(
@@ -189,7 +205,9 @@ def first_mismatch(rows: Rows, problem: Problem, scheme: Scheme) -> Mismatch | N
 
 
 def _steps(rows: Rows) -> tuple[Array, float]:
-    """The step sizes (N,), all equal if the digits of the times allow it, and by how much they may be wrong."""
+    """The step sizes (N,), all equal if the digits of the times allow it,
+    and by how much they may be wrong.
+    """
     gaps = np.diff(rows.t)
     unit = rows.t_half + EPS * float(np.abs(rows.t).max())
     mean = float(rows.t[-1] - rows.t[0]) / rows.steps
@@ -199,7 +217,9 @@ def _steps(rows: Rows) -> tuple[Array, float]:
 
 
 def _nudged(rows: Rows, n: int, h: float, h_half: float, dW: Array) -> list[tuple[Array, float, Array]]:
-    """The arguments of step n with one number moved by half a unit of its last digit, for each number that has one."""
+    """The arguments of step n with one number moved by half a unit of its last digit,
+    for each number that has one.
+    """
     y = rows.y[:, n]
     moved = []
     for k in np.flatnonzero(rows.half[:, n]):

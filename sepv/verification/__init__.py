@@ -1,8 +1,9 @@
-"""Verification of a scheme: a run of laws, its report, and what is claimed of a scheme for later runs.
+"""Verification of a scheme: a run of laws, its report,
+and what is claimed of a scheme for later runs.
 
-Read `_verify` first (a run of laws), then `_laws` (the order of laws) and `_outcome` (the report). `_report` prints a
-report. `_profiles` states which properties a scheme was found to have. What a law is made of is in `sepv.law`; the
-laws themselves, one in each file, are in `sepv.properties`.
+Read `_verify` first (a run of laws), then `_laws` (the order of laws) and `_outcome` (the report).
+`_report` prints a report. `_profiles` states which properties a scheme was found to have. What a
+law is made of is in `sepv.law`; the laws themselves, one in each file, are in `sepv.properties`.
 """
 
 from __future__ import annotations

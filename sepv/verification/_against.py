@@ -1,8 +1,10 @@
-"""A second measurement of another person's report, on the reader's scheme: all counterexamples and some of the laws.
+"""A second measurement of another person's report, on the reader's scheme:
+all counterexamples and some of the laws.
 
-The report is not trusted: nothing that it names is loaded or run, and none of its text is shown. It cannot cause more
-work than the reader allows, because its effort is cut to the reader's, a schema bounds its witnesses (the stored
-counterexamples), and all witnesses share the time limit of one law.
+The report is not trusted: nothing that it names is loaded or run, and none of its text is shown. It
+cannot cause more work than the reader allows, because its effort is cut to the reader's, a schema
+bounds its witnesses (the stored counterexamples), and all witnesses share the time limit of one
+law.
 """
 
 from __future__ import annotations
@@ -25,20 +27,25 @@ from sepv.verification._outcome import EFFORT
 from sepv.verification._profiles import SUITE
 from sepv.verification._verify import measure
 
-# The largest file in bytes: a report of all laws has 30 kB, a witness of 64 dimensions 2 MB; more takes long to check.
+# The largest file in bytes: a report of all laws has 30 kB, a witness of 64 dimensions 2 MB; more
+# takes long to check.
 REPORT_MAX_BYTES = 2**22
-# The most numbers in B′ for a witness's batch (2^27 bytes; sepv's have a hundredth), and the largest degree of H.
+# The most numbers in B′ for a witness's batch (2^27 bytes; sepv's have a hundredth), and the
+# largest degree of H.
 _MOST_NUMBERS, _MOST_DEGREE = 2**24, 64
 # The share of the laws that is measured again; at least one law is.
 SHARE = 0.25
-# The bits of a defect depend on these: if one differs, or is not in the report, only verdicts are compared.
+# The bits of a defect depend on these: if one differs, or is not in the report, only verdicts are
+# compared.
 _BITS = ("sepv", "python", "numpy", "scipy", "hypothesis", "mpmath", "platform", "simd")
 _FACTS = ("mean_square_order", "weak_order", "order", "solver_tolerance", "truncation")
 
 
 @dataclass(frozen=True)
 class Again:
-    """One repeated measurement: the result, and its difference from the report (empty if there is none)."""
+    """One repeated measurement: the result, and its difference from the report (empty if there is
+    none).
+    """
 
     what: str
     came: str
@@ -46,7 +53,9 @@ class Again:
 
 
 def read_report(path: str | Path) -> dict[str, Any]:
-    """Read a report of ``sepv verify --json``; a UsageError if it contradicts itself or is of another suite version."""
+    """Read a report of ``sepv verify --json``; a UsageError if it contradicts itself or is of
+    another suite version.
+    """
     words = {"expected": "a report of `sepv verify --json`", "remedy": "write it with this version of sepv"}
     report: dict[str, Any] = read_json(path, REPORT_MAX_BYTES, **words)
     require_schema(report, "report", path, **words)
@@ -69,10 +78,12 @@ def read_report(path: str | Path) -> dict[str, Any]:
 def against(
     report: dict[str, Any], scheme: Scheme, allowed: Effort, timeout: float = 600.0, laws: Iterable[str] = ()
 ) -> Iterator[Again]:
-    """Replay each counterexample of a report, and measure again `laws` or else a random quarter of the report's laws.
+    """Replay each counterexample of a report, and measure again `laws` or else a random quarter of
+    the report's laws.
 
-    The author of the report cannot know which quarter is drawn. Verdicts must agree with the report. Defects must agree
-    to the last digit if effort, versions and kind of processor are those of the report.
+    The author of the report cannot know which quarter is drawn. Verdicts must agree with the
+    report. Defects must agree to the last digit if effort, versions and kind of processor are those
+    of the report.
 
     Parameters
     ----------
@@ -117,7 +128,9 @@ def against(
 
 
 def _counterexample(law: str, witness: Any, scheme: Scheme, run: Run, seconds: float) -> Again:
-    """Replay a counterexample of the report, unless it needs too much work, or code that this run did not name."""
+    """Replay a counterexample of the report, unless it needs too much work,
+    or code that this run did not name.
+    """
     what, wrong = f"counterexample of {law}", _too_much(witness, scheme, run.effort)
     if wrong or seconds <= 0:
         return Again(what, "not replayed", wrong or "no time is left (--timeout)")
@@ -132,7 +145,9 @@ def _counterexample(law: str, witness: Any, scheme: Scheme, run: Run, seconds: f
 
 
 def _too_much(witness: dict[str, Any], scheme: Scheme, effort: Effort) -> str:
-    """The reason not to replay a witness: unnamed code, a wrong form, or too much work. Empty if there is none."""
+    """The reason not to replay a witness: unnamed code, a wrong form, or too much work.
+    Empty if there is none.
+    """
     if "problem" not in witness:
         most = {"paths": effort.paths, "examples": effort.examples, "seed": 2**128}
         sizes = {key: witness[key] for key in most if key in witness}

@@ -1,7 +1,8 @@
-"""Courses, for pictures: the states that a scheme reaches if it repeats the step of a counterexample.
+"""Courses, for pictures: the states that a scheme reaches if it repeats the step of a
+counterexample.
 
-Every step has the same h and ΔW, so the same Δ = h + Σ c_jΔW_j. If all noises have the field B∇H, the exact solution
-after n steps is φ(nΔ, y0), where φ(t, y0) is the flow of ẏ = B∇H.
+Every step has the same h and ΔW, so the same Δ = h + Σ c_jΔW_j. If all noises have the field B∇H,
+the exact solution after n steps is φ(nΔ, y0), where φ(t, y0) is the flow of ẏ = B∇H.
 """
 
 from __future__ import annotations
@@ -31,14 +32,16 @@ from sepv.verification._outcome import Outcome
 STEPS, FINER = 40, 3
 # The most seconds for all courses of a report. Steps that were made until then are shown.
 SECONDS = 10.0
-# A course ends when a state is larger than the first by this factor, because larger states would flatten the picture.
+# A course ends when a state is larger than the first by this factor, because larger states would
+# flatten the picture.
 ESCAPE_FACTOR = 100.0
 
 
 def with_courses(report: Outcome) -> dict[str, Any]:
     """The report as JSON in which each violation by a single step has its course of STEPS steps.
 
-    A course that raises an exception is left out, because a user's problem may raise any. After Ctrl-C none is made.
+    A course that raises an exception is left out, because a user's problem may raise any. After
+    Ctrl-C none is made.
     """
     data, end = report.to_json(), time.monotonic() + SECONDS
     for finding, law in zip(report.findings, data["laws"], strict=True):
@@ -53,18 +56,20 @@ def with_courses(report: Outcome) -> dict[str, Any]:
 
 
 def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[str, Any]:
-    """Repeat the step of a finding's witness up to STEPS times; return what a picture shows, or {} if y never changes.
+    """Repeat the step of a finding's witness up to STEPS times; return what a picture shows,
+    or {} if y never changes.
 
     Returns
     -------
     dict
-        components : the numbers, from 1, of the two components of y that change most (of one if d = 1)
-        states : these components in the first state and after each step
-        exact : these components of the exact solution, `FINER` points a step; empty if no formula is known
-        kept : the invariant that is shown: "C" for laws about Casimirs (the one that changes most), else "H"
-        drift : the change of this invariant since the first state
-        size : the size of the invariant's terms, by which rounding is distinguished from drift
-        defects, bounds : the law's own measurement of the step from each state; absent for the laws whose defect is the
+        components : the numbers, from 1, of the two components of y that change most (of one if
+        d = 1) states : these components in the first state and after each step exact : these
+        components of the exact solution, `FINER` points a step; empty if no formula is known
+        kept : the invariant that is shown: "C" for laws about Casimirs (the one that changes
+        most), else "H" drift : the change of this invariant since the first state size : the
+        size of the invariant's terms, by which rounding is distinguished from drift defects,
+        bounds : the law's own measurement of the step from each state; absent for the laws whose
+        defect is the
             change of the invariant
         ended : the reason of an early end; empty if there was none
     """
@@ -103,9 +108,11 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
 
 
 def _measured(name: str, scheme: Scheme, case: Case, states: list[Array], seconds: float) -> Array:
-    """The law's defects and bounds (2, n) of the steps from `states`, in its unit; NaN where a step is refused.
+    """The law's defects and bounds (2, n) of the steps from `states`, in its unit;
+    NaN where a step is refused.
 
-    It is empty for the laws of H and C, whose defect is the change that is drawn, and ends when the time is over.
+    It is empty for the laws of H and C, whose defect is the change that is drawn, and ends when the
+    time is over.
     """
     (law,) = load_laws([name])
     if law.measure is None or name == "energy" or _draws_casimir(name, case.build()[0]):
@@ -125,7 +132,9 @@ def _measured(name: str, scheme: Scheme, case: Case, states: list[Array], second
 
 
 def _kept(law: str, problem: Problem, path: Array) -> tuple[str, Array, Array]:
-    """For a law's invariant I: its name ("H" or "C"), its change along `path` (d, n), and the largest |∇I||y|."""
+    """For a law's invariant I: its name ("H" or "C"), its change along `path` (d, n),
+    and the largest |∇I||y|.
+    """
     with np.errstate(all="ignore"):
         values, slopes = invariants(problem, path), [problem.gradient(path)]
         slopes += casimir_gradients(problem.casimirs, problem.linear_casimirs, 2 * path)
@@ -147,7 +156,9 @@ def _draws_casimir(law: str, problem: Problem) -> bool:
 
 
 def _rounded(values: Array) -> Any:
-    """Nested lists of the values with five digits, enough for a picture; null for a value that is not finite."""
+    """Nested lists of the values with five digits, enough for a picture;
+    null for a value that is not finite.
+    """
     if not values.size:
         return []
     return finite(np.vectorize(lambda v: float(f"{v:.5g}"), otypes=[float])(values).tolist())

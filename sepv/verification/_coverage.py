@@ -1,4 +1,6 @@
-"""Coverage by the laws' lists of cases (designs): the number of cases in each range, and the pairs of ranges met."""
+"""Coverage by the laws' lists of cases (designs): the number of cases in each range,
+and the pairs of ranges met.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from sepv.schemes import Scheme
 
 
 def pairs(space: Space) -> tuple[int, int]:
-    """Count the pairs of property ranges (strata): those that a case of the design has, and those that are possible."""
+    """Count the pairs of property ranges (strata): those that a case of the design has,
+    and those that are possible.
+    """
     design = space.design()
     sizes = [len(axis.strata) for axis in space.axes]
     every = (sum(sizes) ** 2 - sum(n * n for n in sizes)) // 2
@@ -24,7 +28,9 @@ def pairs(space: Space) -> tuple[int, int]:
 
 
 def cases_by_stratum(space: Space) -> dict[tuple[str, str], int]:
-    """The number of a space's listed cases in each stratum (range), by the names of axis (property) and stratum."""
+    """The number of a space's listed cases in each stratum (range), by the names of axis (property)
+    and stratum.
+    """
     counts = Counter(
         (axis, stratum.name) for row in space.design().rows for axis, stratum in space.levels(row).items()
     )
@@ -41,7 +47,8 @@ def impossible(space: Space) -> dict[str, list[str]]:
 
 
 def show(laws: Iterable[Law], scheme: Scheme, out: Console) -> None:
-    """Print how many cases of each stratum (property range) these laws measure for a scheme: of its class or problems.
+    """Print how many cases of each stratum (property range) these laws measure for a scheme:
+    of its class or problems.
 
     A problem that is no family has no design: its cases are drawn near its initial state.
     """

@@ -1,19 +1,21 @@
-"""A TOML file of claims and of known violations of a scheme; a run fails on new violations and on repaired ones.
+"""A TOML file of claims and of known violations of a scheme;
+a run fails on new violations and on repaired ones.
 
     scheme = "mypkg.mymodule:step"     # the scheme; a run with another scheme gets a note
-    claims = ["contract", "casimir"]   # laws that must hold; leave it out if the scheme states its claims itself
-    measured = ["contract", "casimir", "energy", "weak-order"]   # all laws measured when the file was written
-    problems = ["rigid-body"]          # the scheme's problems, as -p names them; a run without -p takes these
+    claims = ["contract", "casimir"]   # laws that must hold, unless the scheme states its claims
+    measured = ["contract", "casimir", "energy", "weak-order"]   # measured for the file
+    problems = ["rigid-body"]          # the scheme's problems, for a run without -p
 
     [[expected]]                       # a law that the scheme is known to break
     law = "energy"
     reason = "B is taken at y_n in the drift"
-    witness = "eNp1j88K…"              # as printed after --replay; for statistical laws a table { seed, paths }
+    witness = "eNp1j88K…"              # as printed after --replay; or a table { seed, paths }
 
-A known violation is measured on its witness (the stored counterexample) and not searched for. So it needs only one
-measurement and never fails by chance. The run fails if a claimed law that is not listed is violated, or if a listed law
-is no longer violated. A file with ``claims`` is a pin, a record of the laws as they were measured (`pin`). With a pin
-even a violation of an unclaimed law must be listed, and the report names laws that were not measured for the pin.
+A known violation is measured on its witness (the stored counterexample) and not searched for. So it
+needs only one measurement and never fails by chance. The run fails if a claimed law that is not
+listed is violated, or if a listed law is no longer violated. A file with ``claims`` is a pin, a
+record of the laws as they were measured (`pin`). With a pin even a violation of an unclaimed law
+must be listed, and the report names laws that were not measured for the pin.
 """
 
 from __future__ import annotations
@@ -40,7 +42,9 @@ _EXAMPLE = '[[expected]] with law = "…", reason = "…", witness = "…"; `--p
 
 @dataclass(frozen=True)
 class ExpectedFailure:
-    """One entry of a file of expected failures: the law, the reason why it fails, and a counterexample as JSON."""
+    """One entry of a file of expected failures: the law, the reason why it fails,
+    and a counterexample as JSON.
+    """
 
     law: str
     reason: str
@@ -49,7 +53,8 @@ class ExpectedFailure:
 
 @dataclass(frozen=True)
 class Expectations:
-    """The contents of a file of expected failures: claims, failures, measured laws, the scheme and its problems.
+    """The contents of a file of expected failures: claims, failures, measured laws,
+    the scheme and its problems.
 
     A value that the file does not state is None or empty.
     """
@@ -62,11 +67,15 @@ class Expectations:
 
     @property
     def is_pin(self) -> bool:
-        """True if the file is a pin, which must list every violation, also of laws that the scheme does not claim."""
+        """True if the file is a pin, which must list every violation,
+        also of laws that the scheme does not claim.
+        """
         return self.claims is not None
 
     def gaps(self, laws: Iterable[str], scheme: str, problems: Iterable[str] = ()) -> list[str]:
-        """Sentences about a run that differs from the file: in the scheme, in the problems, or in the laws measured."""
+        """Sentences about a run that differs from the file: in the scheme, in the problems,
+        or in the laws measured.
+        """
         measured, guarded, gaps = list(laws), {*self.failures, *(self.claims or ())}, []
         if self.scheme is not None and self.scheme != scheme:
             gaps.append(
@@ -88,8 +97,8 @@ class Expectations:
 def load(path: str | Path, laws: Iterable[str]) -> Expectations:
     """Read a file of claims and expected failures; `laws` are the names of all laws.
 
-    Raises a UsageError for a file that is missing or not TOML, an unknown or repeated law, a missing reason or witness,
-    or a law that is both claimed and expected to fail.
+    Raises a UsageError for a file that is missing or not TOML, an unknown or repeated law, a
+    missing reason or witness, or a law that is both claimed and expected to fail.
     """
     try:
         data = tomllib.loads(read_bounded(path).decode())
@@ -182,14 +191,18 @@ def _entry(entry: Any, where: str, known: tuple[str, ...]) -> ExpectedFailure:
 
 
 def _drawn(key: str, value: Any) -> bool:
-    """True if a witness of a statistical law may have `key` = `value`; _MOST bounds the work of its replay."""
+    """True if a witness of a statistical law may have `key` = `value`;
+    _MOST bounds the work of its replay.
+    """
     return type(value) is int and 0 <= value <= _MOST.get(key, value)
 
 
 def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
-    """Text of a new file of expected failures, which lists the violated claimed laws; a person adds the reasons.
+    """Text of a new file of expected failures, which lists the violated claimed laws;
+    a person adds the reasons.
 
-    A violation of an unclaimed law is no failure and is not listed: if a scheme later obeys the law, no build may fail.
+    A violation of an unclaimed law is no failure and is not listed: if a scheme later obeys the
+    law, no build may fail.
     """
     listed = [f for f in findings if f.claimed or f.expected is not None]
     entries = _entries(f for f in listed if f.verdict is Verdict.VIOLATED)
@@ -199,9 +212,11 @@ def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
 
 
 def pin(scheme: str, findings: Iterable[Finding], problems: Iterable[str] = ()) -> str:
-    """Text of a pin, a file that records a run: laws that hold become claims, and violations are listed.
+    """Text of a pin, a file that records a run: laws that hold become claims,
+    and violations are listed.
 
-    A law that neither holds nor is violated is listed under `measured` alone, so this pin does not guard it.
+    A law that neither holds nor is violated is listed under `measured` alone, so this pin does not
+    guard it.
     """
     measured = [f for f in findings if f.verdict is not Verdict.NOT_MEASURED]
     held = [f.law for f in measured if f.verdict is Verdict.HOLDS]

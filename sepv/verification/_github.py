@@ -1,6 +1,8 @@
-"""A report for GitHub Actions: a summary in Markdown, and an annotation for each finding that makes a run fail.
+"""A report for GitHub Actions: a summary in Markdown, and an annotation for each finding that makes
+a run fail.
 
-All text of a scheme is escaped, so that it cannot act as markup, as a row of a table or as a command of the runner.
+All text of a scheme is escaped, so that it cannot act as markup, as a row of a table or as a
+command of the runner.
 """
 
 from __future__ import annotations
@@ -39,7 +41,9 @@ def step_summary(report: Report) -> str:
 
 
 def error_lines(report: Report) -> list[str]:
-    """GitHub commands that show an error for each finding that fails, at the scheme's source line if it is known."""
+    """GitHub commands that show an error for each finding that fails,
+    at the scheme's source line if it is known.
+    """
     red = [f for f in report.findings if f in report.failing or f.verdict is Verdict.ERROR]
     place = _place(report.scheme.step)
     lines = [
@@ -62,7 +66,9 @@ def _told(report: Report, findings: list[Any]) -> list[Any]:
 
 
 def _place(step: Any) -> dict[str, str]:
-    """File and line of a function below the working folder, as the runner names them; empty for other steps."""
+    """File and line of a function below the working folder, as the runner names them;
+    empty for other steps.
+    """
     try:
         function = inspect.unwrap(step)
         file = Path(inspect.getsourcefile(function) or "").resolve().relative_to(Path.cwd())

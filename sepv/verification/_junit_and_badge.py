@@ -15,7 +15,9 @@ _NOT_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def junit_xml(report: Report) -> str:
-    """The report as JUnit XML: each law is a test case that passes, fails, has an error or is skipped."""
+    """The report as JUnit XML: each law is a test case that passes, fails,
+    has an error or is skipped.
+    """
     name, seconds = _clean(report.scheme.name), f"{sum(f.seconds for f in report.findings):.3f}"
     facts = {"name": f"sepv {name}", "tests": str(len(report.findings)), "time": seconds}
     suite = ElementTree.Element("testsuite", facts)
@@ -44,10 +46,11 @@ BADGE = 60
 
 
 def badge_json(report: Report) -> str:
-    """A badge, as JSON for a badge service: the first reason why a run fails, or the profiles that were found.
+    """A badge, as JSON for a badge service: the first reason why a run fails,
+    or the profiles that were found.
 
-    The badge is green for exit code 0, orange if laws are undecided or end in an error, red for a failure. Its text has
-    at most BADGE characters; "+6" stands for six reasons or profiles more.
+    The badge is green for exit code 0, orange if laws are undecided or end in an error, red for a
+    failure. Its text has at most BADGE characters; "+6" stands for six reasons or profiles more.
     """
     undecided = (Verdict.INCONCLUSIVE, Verdict.ERROR, Verdict.NOT_MEASURED)
     wrong = [f for f in report.findings if f in report.failing or (f.claimed and f.verdict in undecided)]
@@ -63,7 +66,9 @@ def badge_json(report: Report) -> str:
 
 
 def _fitting(parts: list[str], room: int, most: int | None = None) -> str:
-    """The first `parts` with commas, as many as fit and at most `most`, and "+N" for the N that are left out."""
+    """The first `parts` with commas, as many as fit and at most `most`,
+    and "+N" for the N that are left out.
+    """
     for count in range(most or len(parts), 0, -1):
         text = ", ".join(parts[:count]) + (f", +{len(parts) - count}" if count < len(parts) else "")
         if len(text) <= room:

@@ -14,15 +14,19 @@ from sepv.verification._profiles import Requirement, laws_for
 SAMPLED = ("mean-square-order", "weak-order", "right-limit")
 # Laws that share the computed errors of one step (`Run.steps`).
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
-# Laws measured first: they need a second or two, and show most faults. The contract is the very first: if every step
-# sets the same global state, such as a seed, this no longer shows after the steps of another law.
+# Laws measured first: they need a second or two, and show most faults. The contract is the very
+# first: if every step sets the same global state, such as a seed, this no longer shows after the
+# steps of another law.
 MEASURED_FIRST = ("contract", "identity", "energy", "casimir")
-# Laws that make more than this number of steps of single states are measured last, the most expensive law at the end.
+# Laws that make more than this number of steps of single states are measured last, the most
+# expensive law at the end.
 MANY_STEPS = 2000
 
 
 def soonest(laws: Iterable[Law]) -> list[Law]:
-    """Sort laws for a run: laws that show most faults first, costly ones last, and laws that share paths together."""
+    """Sort laws for a run: laws that show most faults first, costly ones last,
+    and laws that share paths together.
+    """
     asked = list(laws)
     steps = {law.name: law.spared or law.steps for law in asked}
     for family in (SAMPLED, LOCAL):
@@ -37,7 +41,8 @@ def soonest(laws: Iterable[Law]) -> list[Law]:
 def laws_of(
     names: Iterable[str] | None = None, required: tuple[Requirement, ...] = (), *, twin: bool = False
 ) -> list[Law]:
-    """Load the laws of a run, given by `names` or by `required` profiles; a UsageError if both are given.
+    """Load the laws of a run, given by `names` or by `required` profiles;
+    a UsageError if both are given.
 
     If the scheme has a `twin`, the laws about twins are measured too.
     """

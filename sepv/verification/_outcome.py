@@ -34,12 +34,16 @@ class Outcome:
 
     @property
     def profiles(self) -> tuple[Profiled, ...]:
-        """The profiles (sets of laws) whose laws were all measured, each with its result: found or not."""
+        """The profiles (sets of laws) whose laws were all measured, each with its result:
+        found or not.
+        """
         return profiled(self.findings)
 
     @property
     def missing(self) -> list[str]:
-        """The required profiles (sets of laws) that were not found for the scheme, each with the reason."""
+        """The required profiles (sets of laws) that were not found for the scheme,
+        each with the reason.
+        """
         return missing(self.profiles, self.required)
 
     @property
@@ -49,7 +53,9 @@ class Outcome:
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """The names of the scheme's problems, as given; empty for a whole class of systems, or if one has no name."""
+        """The names of the scheme's problems, as given; empty for a whole class of systems,
+        or if one has no name.
+        """
         words = tuple(getattr(item, "text", "") for item in self.scheme.problems)
         return words if all(words) else ()
 
@@ -68,9 +74,9 @@ class Outcome:
     def exit_code(self) -> int:
         """Exit code 0: claimed laws hold. 1: one does not, or an expected failure passes. 3: error.
 
-        3 is also for a lost cluster, and 130 for Ctrl-C. The code is also 1 if a claimed law is inconclusive, if the
-        scheme skipped all cases of a claimed law, if no law was measured, if a required profile was not found, or if a
-        law is violated that the pin does not list.
+        3 is also for a lost cluster, and 130 for Ctrl-C. The code is also 1 if a claimed law is
+        inconclusive, if the scheme skipped all cases of a claimed law, if no law was measured, if a
+        required profile was not found, or if a law is violated that the pin does not list.
         """
         if self.interrupted:
             return 3 if self.lost else 130
@@ -83,7 +89,9 @@ class Outcome:
 
     @property
     def failing(self) -> tuple[Finding, ...]:
-        """Findings for exit code 1: claims that do not hold, expected failures that pass, violations not in a pin."""
+        """Findings for exit code 1: claims that do not hold, expected failures that pass,
+        violations not in a pin.
+        """
         return tuple(f for f in self.findings if fails(f, self.pinned))
 
     def finding(self, law: str) -> Finding:
@@ -105,7 +113,8 @@ class Outcome:
         Raises
         ------
         UsageError
-            For a law that is not in the report, or whose finding has no witness, such as a law that holds.
+            For a law that is not in the report, or whose finding has no witness, such as a law that
+            holds.
         """
         finding = self.finding(law)
         if not finding.witness:
@@ -118,7 +127,9 @@ class Outcome:
         return replace(known.replay(known, self.scheme, finding.witness), claimed=finding.claimed)
 
     def again(self, finding: Finding) -> str:
-        """The command that measures a finding again, or Python code if a command cannot name the scheme or problem."""
+        """The command that measures a finding again, or Python code if a command cannot name the
+        scheme or problem.
+        """
         if not finding.replay:
             return ""
         twin = self.scheme.twin if finding.law in OF_TWINS else None
@@ -128,7 +139,9 @@ class Outcome:
         return f'report.replay("{finding.law}")  # in this Python process, with the report of sepv.verify(…)'
 
     def _own(self, finding: Finding) -> bool:
-        """True if the target itself brings the problem of a witness, as one of `Scheme(…, problems=[…])`."""
+        """True if the target itself brings the problem of a witness,
+        as one of `Scheme(…, problems=[…])`.
+        """
         name = (finding.witness or {}).get("problem", {}).get("object")
         return [problem.name for problem in objects_of(self.scheme)].count(name) == 1
 
@@ -164,14 +177,17 @@ EFFORT = ("seed", "examples", "paths", "designs", "shrink_checks", "corpus")
 
 
 def fails(f: Finding, pinned: frozenset[str] | None = None) -> bool:
-    """True if a finding makes the exit code 1. With a pin (`pinned`), each violation that is not in the pin does so."""
+    """True if a finding makes the exit code 1. With a pin (`pinned`),
+    each violation that is not in the pin does so.
+    """
     if f.verdict in (Verdict.ERROR, Verdict.NOT_MEASURED):
         return False  # errors and interrupts have other exit codes
     if f.expected is not None:
         return f.verdict is not Verdict.VIOLATED
     if not f.claimed:
         return pinned is not None and f.verdict is Verdict.VIOLATED
-    # A law that is not applicable does not fail, unless the scheme skipped cases or the law held in the pin.
+    # A law that is not applicable does not fail, unless the scheme skipped cases or the law held in
+    # the pin.
     unasked = f.verdict is Verdict.NOT_APPLICABLE and not f.skipped and f.law not in (pinned or ())
     return f.verdict is not Verdict.HOLDS and not unasked
 

@@ -1,4 +1,6 @@
-"""Picture of a report: the defect of each law in units of its bound. It needs the extra ``plots``."""
+"""Picture of a report: the defect of each law in units of its bound. It needs the extra
+``plots``.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ MARKS = {
 
 
 def report_figure(report: Outcome) -> Any:
-    """One row for each law that was measured against a bound, in the order of the suite, on a logarithmic scale."""
+    """One row for each law that was measured against a bound, in the order of the suite,
+    on a logarithmic scale.
+    """
     require_matplotlib("the report as text and as HTML needs none")
     rows = [(f, ratio) for f in report.findings if (ratio := f.ratio) is not None]
     if not rows:

@@ -1,13 +1,14 @@
 """Profiles: the properties that a scheme was found to have, claimed or not.
 
-A profile is a named set of laws. It is found if each of its laws was measured and holds. It is not found if one of its
-laws is not applicable, inconclusive or expected to fail.
+A profile is a named set of laws. It is found if each of its laws was measured and holds. It is not
+found if one of its laws is not applicable, inconclusive or expected to fail.
 
-A profile such as "order" states a measured order. Each of its laws measures the slope of the errors in log-log scale on
-some problems. For each problem the law finds the largest order whose bound lies below the slope, or below the lower end
-of the slope's confidence interval if paths are sampled. The profile has the least of these orders over problems and
-laws. For mean-square order p the laws are Milstein's conditions on one step, (3.8) and (3.9) of the paper, and the rms
-error of paths. This error must have been measured; the conditions are ignored if one step has no reference solution.
+A profile such as "order" states a measured order. Each of its laws measures the slope of the errors
+in log-log scale on some problems. For each problem the law finds the largest order whose bound lies
+below the slope, or below the lower end of the slope's confidence interval if paths are sampled. The
+profile has the least of these orders over problems and laws. For mean-square order p the laws are
+Milstein's conditions on one step, (3.8) and (3.9) of the paper, and the rms error of paths. This
+error must have been measured; the conditions are ignored if one step has no reference solution.
 """
 
 from __future__ import annotations
@@ -20,18 +21,21 @@ from sepv._arguments import did_you_mean
 from sepv.errors import UsageError, require_one_of
 from sepv.law import Finding, Verdict
 
-# The version of the suite, raised for each law that is added or becomes stricter, with a note in docs/profiles.md.
+# The version of the suite, raised for each law that is added or becomes stricter, with a note in
+# docs/profiles.md.
 SUITE = 1
 
 
 @dataclass(frozen=True)
 class Profile:
-    """A profile, a named set of laws: its name after ``--require``, its words on a badge, and its laws.
+    """A profile, a named set of laws: its name after ``--require``, its words on a badge,
+    and its laws.
 
     Attributes
     ----------
     ordered : bool
-        True if the profile states an order. Its first law must have measured an order; its other laws need not apply.
+        True if the profile states an order. Its first law must have measured an order; its other
+        laws need not apply.
     """
 
     name: str
@@ -61,7 +65,9 @@ _LARGEST = 100
 
 @dataclass(frozen=True)
 class Requirement:
-    """A profile that a scheme must be found to have, and the least order wanted if the profile states an order."""
+    """A profile that a scheme must be found to have, and the least order wanted if the profile
+    states an order.
+    """
 
     profile: Profile
     order: float = 0.0
@@ -79,7 +85,8 @@ class Profiled:
     Attributes
     ----------
     order : float or None
-        The measured order, for a profile that states one; None if the errors show no order for certain.
+        The measured order, for a profile that states one; None if the errors show no order for
+        certain.
     why : str
         The reason why the profile is not found; empty if it is.
     """
@@ -165,7 +172,9 @@ def _profiled(profile: Profile, findings: list[Finding]) -> Profiled:
 
 
 def _order_shown(finding: Finding) -> float:
-    """The least of the orders that a law measured on its problems; 0 if it found no order on one of them."""
+    """The least of the orders that a law measured on its problems;
+    0 if it found no order on one of them.
+    """
     measured = (finding.witness or {}).get("measured", ())
     return min((entry.get("order") or 0.0 for entry in measured), default=0.0)
 
@@ -173,7 +182,8 @@ def _order_shown(finding: Finding) -> float:
 def found(profiles: Iterable[Profiled]) -> list[str]:
     """The profiles that were found, in words.
 
-    If a mean-square order was found, the deterministic order is left out, and a weak order is named only if larger.
+    If a mean-square order was found, the deterministic order is left out, and a weak order is named
+    only if larger.
     """
     have = {p.profile.name: p for p in profiles if not p.why}
     if "order" in have:

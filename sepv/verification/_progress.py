@@ -1,4 +1,6 @@
-"""Progress of a run: the laws that have begun, the laws that are done, and the estimated remaining seconds."""
+"""Progress of a run: the laws that have begun, the laws that are done,
+and the estimated remaining seconds.
+"""
 
 from __future__ import annotations
 
@@ -16,17 +18,18 @@ from sepv.verification._verify import LawProgress
 
 # Seconds after which a law may be called late, and after which the current case is named.
 LATE, SLOW = 5.0, 2.0
-# A law with this many steps spends most of its time on them, if a step takes more than ten microseconds.
+# A law with this many steps spends most of its time on them, if a step takes more than ten
+# microseconds.
 STEPS_OF_A_LONG_LAW = 10000
 
 
 class Course:
     """The laws that have begun or are done, and an estimate of the remaining seconds.
 
-    A law is expected to take pace · `Law.cost` + step · `Law.steps` seconds. The law "contract" measures
-    `step`, the seconds of a step; laws of at least STEPS_OF_A_LONG_LAW steps may lower this value, or give it
-    if "contract" did not. `pace` is the median over laws of the other seconds divided by `Law.cost`, so that
-    one slow law does not change it.
+    A law is expected to take pace · `Law.cost` + step · `Law.steps` seconds. The law "contract"
+    measures `step`, the seconds of a step; laws of at least STEPS_OF_A_LONG_LAW steps may lower
+    this value, or give it if "contract" did not. `pace` is the median over laws of the other
+    seconds divided by `Law.cost`, so that one slow law does not change it.
     """
 
     def __init__(self, laws: Sequence[Law]) -> None:
@@ -49,14 +52,18 @@ class Course:
         self.began = others
 
     def steps(self, law: Law) -> int:
-        """The steps of a law: `spared` if the scheme takes no batches: "reproducibility" is then not applicable."""
+        """The steps of a law: `spared` if the scheme takes no batches:
+        "reproducibility" is then not applicable.
+        """
         alone = any(
             law.name == "reproducibility" and f.verdict is Verdict.NOT_APPLICABLE for law, f in self.found
         )
         return law.spared if alone and law.spared else law.steps
 
     def rates(self) -> tuple[float, float]:
-        """The pace (measured seconds over `Law.cost`) and the seconds of a step; inapplicable laws are ignored."""
+        """The pace (measured seconds over `Law.cost`) and the seconds of a step;
+        inapplicable laws are ignored.
+        """
         measured = [(law, f) for law, f in self.found if f.checks or f.verdict is not Verdict.NOT_APPLICABLE]
         few, many = (
             [(w, f) for w, f in measured if (w.steps >= STEPS_OF_A_LONG_LAW) is wanted]
@@ -64,8 +71,8 @@ class Course:
         )
         timed = [f.step_seconds for _, f in measured if f.step_seconds is not None]
         step = timed[0] if timed else 0.0
-        # One law gives no median, so half a second at pace 1 is added, the pace of the machine that gave
-        # `Law.cost`.
+        # One law gives no median, so half a second at pace 1 is added, the pace of the machine that
+        # gave `Law.cost`.
         paces = [(1.0, 0.5), *((max(0.0, f.seconds - step * w.steps) / w.cost, w.cost) for w, f in few)]
         pace = _weighted_median(paces)
         if many:
@@ -81,13 +88,17 @@ class Course:
         return {name: pace * law.cost + step * self.steps(law) for name, law in self.left.items()}
 
     def late(self) -> dict[str, tuple[float, float]]:
-        """For each law that has run longer than LATE and its expected time by half: its seconds so far and expected."""
+        """For each law that has run longer than LATE and its expected time by half:
+        its seconds so far and expected.
+        """
         now, whole = time.monotonic(), self.whole()
         ran = {name: now - began for name, began in self.began.items() if name in whole}
         return {name: (t, whole[name]) for name, t in ran.items() if t > max(LATE, 1.5 * whole[name])}
 
     def seconds_left(self) -> float | None:
-        """The estimated seconds left; None before a law is done, or if late laws took longer than the rest will."""
+        """The estimated seconds left; None before a law is done,
+        or if late laws took longer than the rest will.
+        """
         if not self.found:
             return None
         now, whole = time.monotonic(), self.whole()
@@ -101,13 +112,16 @@ class Course:
         return max([(sum(rest) + sum(whole.values())) / busy, *rest])
 
     def doing(self, journal: Journal | None, name: str) -> str:
-        """The current work in words, such as: 3 of 27 laws, energy for 21 s where 2 s were expected, case 7 for 8 s."""
+        """The current work in words, such as: 3 of 27 laws,
+        energy for 21 s where 2 s were expected, case 7 for 8 s.
+        """
         late, running, left = self.late(), list(self.began), self.left
         words = [f"{len(self.found)} of {len(self.found) + len(self.left)} laws"]
         for law in running:
             spent, expected = late.get(law, (0.0, 0.0))
             words.append(law)
-            # The pace is unknown before the first law is done, and a step's seconds may be unknown after it.
+            # The pace is unknown before the first law is done, and a step's seconds may be unknown
+            # after it.
             if spent and self.found and (self.rates()[1] or law not in left or not left[law].steps):
                 words[-1] += f" for {spent:.0f} s where {max(1.0, expected):.0f} s were expected"
         since = time.monotonic() - journal.since if journal and journal.cases and len(running) == 1 else 0.0
@@ -129,7 +143,9 @@ def _weighted_median(entries: Iterable[tuple[float, float]]) -> float:
 def watching(
     quiet: bool = False, laws: Sequence[Law] = (), name: str = "the scheme"
 ) -> Iterator[LawProgress]:
-    """A progress callback for `sepv.verification.verify` with these laws; `name` names the scheme."""
+    """A progress callback for `sepv.verification.verify` with these laws; `name` names the
+    scheme.
+    """
     course, journal = Course(laws), current_journal()
     with showing(quiet) as shown:
         # Loading a scheme calls its function, which may be compiled at the first call.

@@ -38,14 +38,16 @@ _SHOWN = {
 }
 _STYLES = {verdict: style for verdict, (style, _) in _SHOWN.items()}
 MARKS = {verdict: mark for verdict, (_, mark) in _SHOWN.items()}
-# Laws that every scheme claims. If a scheme claims no more, the violation of another law fails a run only with a pin.
+# Laws that every scheme claims. If a scheme claims no more, the violation of another law fails a
+# run only with a pin.
 CLAIMED_BY_ALL = ("contract",)
 
 
 def show(report: Outcome, out: Console, *, debug: bool = False) -> None:
     """Print the table of a report, then each counterexample with the command that replays it.
 
-    Findings that make the run fail come first; laws that are violated as expected come last, in one line each.
+    Findings that make the run fail come first; laws that are violated as expected come last, in one
+    line each.
     """
     print_table(law_table(report), out)
     errors_shown: set[str] = set()
@@ -70,7 +72,9 @@ def as_text(report: Outcome) -> str:
 
 
 def in_notebook(report: Outcome, page: str) -> str:
-    """HTML for a notebook: the `page` of a report in a frame that runs no script, and the last line of the report."""
+    """HTML for a notebook: the `page` of a report in a frame that runs no script,
+    and the last line of the report.
+    """
     frame = '<iframe sandbox="allow-same-origin" style="width:100%;height:42rem;border:1px solid #8886"'
     return f'{frame} srcdoc="{escape(page)}"></iframe><p>{escape(summary(report).plain)}</p>'
 
@@ -83,7 +87,8 @@ def _plain(write: Callable[[Console], None]) -> str:
     return ascii_text(text) if cannot_show(sys.stdout) else text
 
 
-# The columns of the table. On a narrow terminal the columns with a number `goes` are dropped, in order of this number.
+# The columns of the table. On a narrow terminal the columns with a number `goes` are dropped, in
+# order of this number.
 _COLUMNS = (
     Column("law"), Column("claimed", goes=3), Column("verdict"), Column("defect", right=True),
     Column("bound", right=True, goes=4), Column("unit", words=True, goes=2), Column("source", words=True, goes=1),
@@ -107,7 +112,8 @@ def _law_row(report: Outcome, f: Finding) -> tuple[str | Text, ...]:
 
 
 def summary(report: Outcome, before: str = "") -> Text:
-    """The last line of a report: the counts, the claims, the profiles, and advice for a scheme without claims.
+    """The last line of a report: the counts, the claims, the profiles,
+    and advice for a scheme without claims.
 
     If the line is printed without the table, `before` names the scheme.
     """
@@ -147,7 +153,9 @@ def _outcome(report: Outcome) -> Text:
 
 
 def _profiles(report: Outcome) -> Text:
-    """Name the profiles that the scheme was found to have, and the required profiles that were not found."""
+    """Name the profiles that the scheme was found to have,
+    and the required profiles that were not found.
+    """
     text, profiles = Text(""), report.profiles
     if report.interrupted:
         return text
@@ -177,7 +185,9 @@ def _complaints(report: Outcome) -> list[str]:
 
 
 def _unguarded(report: Outcome) -> str:
-    """Advice for a scheme without claims: which claims would make a later run fail if a law that holds now breaks."""
+    """Advice for a scheme without claims: which claims would make a later run fail if a law that
+    holds now breaks.
+    """
     if report.pins:
         return "Nothing is claimed yet: the file of --pin guards what was found, once --expected names it."
     unguarded = [f.law for f in report.findings if f.verdict is Verdict.HOLDS and f.law not in CLAIMED_BY_ALL]

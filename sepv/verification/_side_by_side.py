@@ -1,8 +1,8 @@
 """Measurement of groups of laws in worker processes, each of which measures one group at a time.
 
-Each worker is a new interpreter (`sepv.verification._worker`), not a fork, because a scheme's library may have threads,
-and a fork of threads can hang. If a worker crashes, or does not keep a law's time limit and is killed, this law ends in
-an error; the run goes on.
+Each worker is a new interpreter (`sepv.verification._worker`), not a fork, because a scheme's
+library may have threads, and a fork of threads can hang. If a worker crashes, or does not keep a
+law's time limit and is killed, this law ends in an error; the run goes on.
 """
 
 from __future__ import annotations
@@ -31,13 +31,16 @@ from sepv.errors import UsageError
 
 # Seconds between SIGTERM, on which a worker ends its own children, and SIGKILL.
 GRACE = 1.0
-# The seconds for a new interpreter and its imports on a loaded machine, in addition to a law's time for the scheme.
+# The seconds for a new interpreter and its imports on a loaded machine, in addition to a law's time
+# for the scheme.
 START = 60.0
 
 
 @dataclass(frozen=True)
 class LawJob:
-    """The first message to each worker: the scheme, by name if it has one, and how to measure it."""
+    """The first message to each worker: the scheme, by name if it has one, and how to measure
+    it.
+    """
 
     scheme: Any
     claims: frozenset[str]
@@ -53,7 +56,9 @@ WORKER = "sepv.verification._worker"
 
 
 class _Worker:
-    """A worker process, the laws that it has still to measure, and the time limit of the law that it measures."""
+    """A worker process, the laws that it has still to measure,
+    and the time limit of the law that it measures.
+    """
 
     def __init__(self, task: bytes, seconds: float) -> None:
         self.child, self.left = take(WORKER), list[str]()
@@ -75,7 +80,8 @@ class _Worker:
             return Crashed(out_of_time(seconds), self.child.notes.get())
         if not self.child.gone:
             return None
-        # A fork of the worker may hold its pipes open, or the worker may have closed them: it is no worker any more.
+        # A fork of the worker may hold its pipes open, or the worker may have closed them: it is no
+        # worker any more.
         status = self.child.status(GRACE)
         return Crashed(f"ended with {status}" if status else self.child.gone, self.child.notes.get())
 
@@ -83,10 +89,12 @@ class _Worker:
 def run(
     task: LawJob, groups: Sequence[Sequence[str]], jobs: int, receive: Callable[[str, Any], None]
 ) -> None:
-    """Measure groups of laws on `jobs` workers; `receive` gets each law's name, first with None, then with its finding.
+    """Measure groups of laws on `jobs` workers; `receive` gets each law's name, first with None,
+    then with its finding.
 
-    If a worker crashes or hangs, `receive` gets the law with `Crashed`, and another worker measures the rest of the
-    group. If a process cannot load the scheme, a UsageError is raised; for a defect of the suite, a RuntimeError.
+    If a worker crashes or hangs, `receive` gets the law with `Crashed`, and another worker measures
+    the rest of the group. If a process cannot load the scheme, a UsageError is raised; for a defect
+    of the suite, a RuntimeError.
     """
     data, waiting = _packed(task), [list(group) for group in groups]
     with _ended() as workers:
@@ -120,7 +128,9 @@ def run(
 def _hear(
     worker: _Worker, word: tuple[Any, ...], seconds: float, receive: Callable[[str, Any], None]
 ) -> None:
-    """Receive a message of a worker: that a law begins, its finding, or why nothing can be measured."""
+    """Receive a message of a worker: that a law begins, its finding,
+    or why nothing can be measured.
+    """
     kind, *said_of = word
     if kind == "usage":
         raise UsageError(**said_of[0])
@@ -134,9 +144,11 @@ def _hear(
 
 
 def measured(task: LawJob, group: Sequence[str]) -> list[tuple[str, Any]]:
-    """Measure a group of laws in a new process on a cluster's worker; return pairs (law's name, finding or `Crashed`).
+    """Measure a group of laws in a new process on a cluster's worker;
+    return pairs (law's name, finding or `Crashed`).
 
-    The new process has a main thread, which a time limit needs, and a crash ends it instead of the cluster's worker.
+    The new process has a main thread, which a time limit needs, and a crash ends it instead of the
+    cluster's worker.
     """
     results: list[tuple[str, Any]] = []
     run(task, [group], 1, lambda name, finding: None if finding is None else results.append((name, finding)))

@@ -75,38 +75,43 @@ def verify(
     claims : iterable of str, or one string with commas
         Laws that the scheme must obey, in addition to the laws that it claims itself.
     timeout : float
-        The time limit of each law in seconds. If the scheme does not return in time, the verdict is `error`. With
-        ``jobs=1`` the limit interrupts Python code, but no compiled loop, and no code that catches every exception: a
-        line on stderr then says what does. With more jobs, as on the command line, the process of such a law is killed.
+        The time limit of each law in seconds. If the scheme does not return in time, the verdict is
+        `error`. With ``jobs=1`` the limit interrupts Python code, but no compiled loop, and no code
+        that catches every exception: a line on stderr then says what does. With more jobs, as on
+        the command line, the process of such a law is killed.
     progress : callable (law, finding or None), optional
         Called before each law with None, and after the law with its finding.
     expected : path, optional
-        A file of claims and of expected failures (docs/ci.md). Its claims are added. A law
-        that is expected to fail is measured only on the witness (a stored counterexample) in the file.
+        A file of claims and of expected failures (docs/ci.md). Its claims are added. A law that is
+        expected to fail is measured only on the witness (a stored counterexample) in the file.
     jobs : int
-        The number of processes that measure laws; the verdicts do not depend on it. With several processes, the scheme
-        must be one that another process can import.
+        The number of processes that measure laws; the verdicts do not depend on it. With several
+        processes, the scheme must be one that another process can import.
     problems : problem or strategy, or a list of them, optional
-        The problems that the scheme is for, if they are not all systems of its class: built-in names, families
-        such as "mechanical", ``module:attribute``, ``.json`` files, `Problem` records,
-        Hypothesis strategies of `PolynomialSystem` or `Problem`. Laws draw their cases from these alone.
+        The problems that the scheme is for, if they are not all systems of its class: built-in
+        names, families such as "mechanical", ``module:attribute``, ``.json`` files, `Problem`
+        records, Hypothesis strategies of `PolynomialSystem` or `Problem`. Laws draw their cases
+        from these alone.
     workers : executor, map-like callable, Dask client or its address, optional
-        Workers on other machines (docs/clusters.md), as for `sepv.ensemble`. If a cluster is lost, laws without a
-        finding are not measured, and `exit_code` is 3.
+        Workers on other machines (docs/clusters.md), as for `sepv.ensemble`. If a cluster is lost,
+        laws without a finding are not measured, and `exit_code` is 3.
     effort : Effort, optional
         The numbers of examples and paths; ``Effort().deeper()`` is for a nightly run.
     require : iterable of str, or one string with commas
-        Profiles (named sets of laws, docs/profiles.md) that the scheme must have, such as "energy,order-1". Only the
-        laws of these profiles and of the profile "method" are measured. `laws` cannot be given as well.
+        Profiles (named sets of laws, docs/profiles.md) that the scheme must have, such as
+        "energy,order-1". Only the laws of these profiles and of the profile "method" are measured.
+        `laws` cannot be given as well.
     agrees_with : str, Scheme or function, optional
-        A second program whose steps must be the same: the scheme then claims the law "agreement" with it.
+        A second program whose steps must be the same: the scheme then claims the law "agreement"
+        with it.
     bits : bool
         True if the steps of both programs must have the same bits.
 
     Returns
     -------
     Report
-        A finding for each law. `print` shows the table; `exit_code` is the exit code of ``sepv verify``.
+        A finding for each law. `print` shows the table; `exit_code` is the exit code of
+        ``sepv verify``.
 
     Raises
     ------
@@ -187,7 +192,9 @@ def along_paths(
     target: str = "",
     timeout: float = 600.0,
 ) -> None:
-    """Measure laws on the steps of paths that `findings` keep, and replace findings that these steps violate."""
+    """Measure laws on the steps of paths that `findings` keep,
+    and replace findings that these steps violate.
+    """
 
     def on_step(law: Law, number: int, witness: dict[str, Any]) -> Finding:
         def replayed() -> Finding:
@@ -225,7 +232,9 @@ def _check_arguments(jobs: Any, timeout: Any, effort: Any, expected: Any) -> Non
 def _side_by_side(
     task: side_by_side.LawJob, chosen: list[Law], workers: Any, receive: Callable[[Law, Finding | None], None]
 ) -> None:
-    """Measure groups of laws in workers; first the group of laws that share paths and the group that share steps."""
+    """Measure groups of laws in workers; first the group of laws that share paths and the group
+    that share steps.
+    """
     by_name = {law.name: law for law in chosen}
     shared = [[name for name in by_name if name in family] for family in (SAMPLED, LOCAL)]
     groups = [group for group in shared if group]
@@ -253,7 +262,9 @@ def load_in_time(
     scheme: str | Scheme | Step, claims: Iterable[str], timeout: float, problems: Any = None, target: str = "",
     twin: Twin | None = None,
 ) -> Scheme:  # fmt: skip
-    """Load the scheme under a time limit: loading calls a bare function twice, to test batches; a call may hang."""
+    """Load the scheme under a time limit: loading calls a bare function twice, to test batches;
+    a call may hang.
+    """
     try:
         with overheard(timeout), deadline(timeout):
             load = partial(load_candidate, scheme, listed(claims), problems, twin)
@@ -283,7 +294,9 @@ def load_in_time(
 def load_candidate(
     scheme: str | Scheme | Step, claims: Iterable[str], problems: Any = None, twin: Twin | None = None
 ) -> Scheme:
-    """Load the scheme under verification, with its problems and its twin, which it then claims to agree with."""
+    """Load the scheme under verification, with its problems and its twin,
+    which it then claims to agree with.
+    """
     given = () if problems is None else items(problems)
     fixed = [p for item in given for p in item.problems]
     found = load_scheme(scheme, (*claims, *OF_TWINS) if twin else claims, fixed)
@@ -296,9 +309,11 @@ def load_candidate(
 def replay(
     scheme: str | Scheme | Step, law: str, witness: dict[str, Any], problems: Any = None, twin: Twin | None = None
 ) -> Finding:  # fmt: skip
-    """Measure one law on one witness of a report; a UsageError if the witness belongs to another law.
+    """Measure one law on one witness of a report; a UsageError if the witness belongs to another
+    law.
 
-    If the witness names its problem as module:attribute, `problems` must name it too, as for `verify`.
+    If the witness names its problem as module:attribute, `problems` must name it too, as for
+    `verify`.
     """
     candidate = load_candidate(scheme, (), problems, twin)
     cases.require_named(witness, candidate)
@@ -313,7 +328,9 @@ def replay(
 def survived(
     law: Law, key: str, ask: Callable[[], Finding], effort: Effort | None = None, seconds: float = math.inf
 ) -> Finding:
-    """Return the finding of `ask`; if a crashed run is repeated, the stored finding or, for the crash, an error."""
+    """Return the finding of `ask`; if a crashed run is repeated, the stored finding or,
+    for the crash, an error.
+    """
     try:
         return attempted(key, ask, seconds=seconds)
     except Crashed as crash:
@@ -321,7 +338,9 @@ def survived(
 
 
 def crashed(law: Law, crash: Crashed, effort: Effort) -> Finding:
-    """The finding for a law whose process crashed, or was killed at its time limit: an error with the last case."""
+    """The finding for a law whose process crashed, or was killed at its time limit:
+    an error with the last case.
+    """
     cause = "the scheme, or a library that it uses, crashed it"
     if crash.late:
         cause = "a step did not come back, or there were too many, and nothing interrupts compiled code, nor code "
@@ -346,7 +365,9 @@ def crashed(law: Law, crash: Crashed, effort: Effort) -> Finding:
 def measure(
     law: Law, scheme: Scheme, run: Run, timeout: float = 600.0, failure: ExpectedFailure | None = None
 ) -> Finding:
-    """Measure one law on one scheme: by a search, or on the stored witness alone if `failure` says that it fails."""
+    """Measure one law on one scheme: by a search, or on the stored witness alone if `failure` says
+    that it fails.
+    """
     start = time.perf_counter()
     try:
         with deadline(timeout):

@@ -1,4 +1,6 @@
-"""A worker process of `sepv.verification._side_by_side`: it reads laws from stdin and writes findings to stdout."""
+"""A worker process of `sepv.verification._side_by_side`:
+it reads laws from stdin and writes findings to stdout.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ from sepv.errors import UsageError
 
 
 def main() -> None:
-    """Measure groups of laws until stdin ends. The process's argument is the number of an open file for its notes."""
+    """Measure groups of laws until stdin ends. The process's argument is the number of an open file
+    for its notes.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     collect_seldom()
     # Output of the scheme goes to stderr: stdout is for findings.
@@ -40,7 +44,9 @@ def main() -> None:
 
 
 def answer(say: Any) -> None:
-    """Load the scheme once, then measure the groups of laws from stdin; `say` sends a message to the parent."""
+    """Load the scheme once, then measure the groups of laws from stdin;
+    `say` sends a message to the parent.
+    """
     from sepv._kept import save_all
     from sepv.law import Run
     from sepv.law.fresh import Question, answers, words_of
@@ -48,7 +54,8 @@ def answer(say: Any) -> None:
     from sepv.verification._side_by_side import WORKER
     from sepv.verification._verify import load_candidate, measure, replay
 
-    # The first part of the task is the module path, which may be needed to unpickle the second part, with the scheme.
+    # The first part of the task is the module path, which may be needed to unpickle the second
+    # part, with the scheme.
     path, folder, rest = _next()
     sys.path[:] = path
     os.chdir(folder)
@@ -85,7 +92,9 @@ def _next() -> Any:
 
 
 def _read(groups: SimpleQueue[list[str]], end: Callable[[], None]) -> None:
-    """Read groups of laws from stdin. When stdin ends, the parent has ended, and this process ends too."""
+    """Read groups of laws from stdin. When stdin ends, the parent has ended,
+    and this process ends too.
+    """
     try:
         while True:
             groups.put(_next())
@@ -94,7 +103,9 @@ def _read(groups: SimpleQueue[list[str]], end: Callable[[], None]) -> None:
 
 
 def _end_with_children(scheme: Any, *_: Any) -> None:
-    """End the external programs of a scheme and its twin, then this process, at once and without exit handlers."""
+    """End the external programs of a scheme and its twin, then this process,
+    at once and without exit handlers.
+    """
     for each in (scheme, scheme.twin and scheme.twin.scheme):
         owner: Any = getattr(getattr(each, "step", None), "__self__", None)
         if hasattr(owner, "abandon"):

@@ -1,7 +1,7 @@
 """Workers, which compute numbered tasks: threads, processes, an executor, a map or a Dask cluster.
 
-Read `_run_all` first (the kinds of workers, and tasks that are computed again), then `_pool` (threads, processes,
-futures) and `_on_dask`.
+Read `_run_all` first (the kinds of workers, and tasks that are computed again), then `_pool`
+(threads, processes, futures) and `_on_dask`.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
-"""Tasks on Dask: chunks of paths as futures of a `distributed.Client`, at most a few for each thread of the cluster.
+"""Tasks on Dask: chunks of paths as futures of a `distributed.Client`,
+at most a few for each thread of the cluster.
 
-If a worker dies, Dask gives its chunk to another worker; if a chunk raises, Dask tries the chunk once more. A
-worker that is frozen (stopped, or without a network) keeps its chunks for ever in Dask, so this file sends
-them elsewhere. A worker must have the versions of this process (this is checked), because other versions may
-give other bits. A run does not hang but ends with a message if the scheduler is lost or frozen, the cluster
-has no workers, or a chunk kills worker after worker.
+If a worker dies, Dask gives its chunk to another worker; if a chunk raises, Dask tries the chunk
+once more. A worker that is frozen (stopped, or without a network) keeps its chunks for ever in
+Dask, so this file sends them elsewhere. A worker must have the versions of this process (this is
+checked), because other versions may give other bits. A run does not hang but ends with a message if
+the scheduler is lost or frozen, the cluster has no workers, or a chunk kills worker after worker.
 """
 
 from __future__ import annotations
@@ -28,29 +29,32 @@ from sepv._version import __version__
 from sepv.errors import ClusterFailure, UsageError
 from sepv.workers._pool import TASKS_PER_WORKER, Futures, Outcome, cannot_travel
 
-# Dask's retries of a chunk that raised. After them, the chunk runs once in this process, which shows the
-# error.
+# Dask's retries of a chunk that raised. After them, the chunk runs once in this process, which
+# shows the error.
 RETRIES = 1
-# Seconds to wait for a scheduler's answer, and for a first worker: a cluster that grows by itself starts
-# without any.
+# Seconds to wait for a scheduler's answer, and for a first worker: a cluster that grows by itself
+# starts without any.
 CONNECT_SECONDS = 10.0
 NO_WORKER = 120.0
-# Seconds to wait for one result. After that, the cluster is checked, and the result is requested again.
+# Seconds to wait for one result. After that, the cluster is checked, and the result is requested
+# again.
 FETCH_SECONDS = 60.0
 # Seconds between two checks of the cluster while nothing arrives.
 LOOK_SECONDS = 1.0
-# A chunk is overdue if it takes longer than LATE rounds of the longest chunk so far; a round is that of the
-# TASKS_PER_WORKER chunks in a thread's queue, and this one. It goes to another worker only if its own has
-# sent no sign of life (Dask's workers send one in a few seconds at most) for SILENT seconds: a chunk that is
-# merely long is let alone. Without another worker, or a chunk to compare with, the silence must last FROZEN
-# seconds, after which Dask gives a worker up.
+# A chunk is overdue if it takes longer than LATE rounds of the longest chunk so far; a round is
+# that of the TASKS_PER_WORKER chunks in a thread's queue, and this one. It goes to another worker
+# only if its own has sent no sign of life (Dask's workers send one in a few seconds at most) for
+# SILENT seconds: a chunk that is merely long is let alone. Without another worker, or a chunk to
+# compare with, the silence must last FROZEN seconds, after which Dask gives a worker up.
 LATE, SILENT, FROZEN = 2.0, 20.0, 300.0
 # The number of times that a chunk is sent to another worker.
 RESENDS = 2
 
 
 class TaskRaised(Exception):
-    """The error of a task that raised on a worker, as text, because some exceptions cannot be sent to this process."""
+    """The error of a task that raised on a worker, as text,
+    because some exceptions cannot be sent to this process.
+    """
 
 
 class Done(NamedTuple):
@@ -61,12 +65,16 @@ class Done(NamedTuple):
 
 
 class Unfit(str):
-    """A text in place of a task's result: how versions of packages on the worker differ from those of this process."""
+    """A text in place of a task's result: how versions of packages on the worker differ from those
+    of this process.
+    """
 
 
 @dataclass(frozen=True)
 class OnWorker:
-    """A callable to send to workers: it runs `function` on a task if the worker has the `wanted` versions."""
+    """A callable to send to workers: it runs `function` on a task if the worker has the `wanted`
+    versions.
+    """
 
     function: Callable[[Any], Any]
     wanted: dict[str, str]
@@ -89,13 +97,17 @@ class OnWorker:
 
 @cache
 def versions(alike: tuple[str, ...]) -> dict[str, str]:
-    """The versions of sepv and of the packages `alike` ("none" if missing); the bits of results depend on them."""
+    """The versions of sepv and of the packages `alike` ("none" if missing);
+    the bits of results depend on them.
+    """
     installed = {name: metadata.version(name) if find_spec(name) is not None else "none" for name in alike}
     return {"sepv": __version__, **installed}
 
 
 def threads(client: Any) -> int:
-    """The number of threads of a client's cluster; 0 if the scheduler does not say within CONNECT_SECONDS."""
+    """The number of threads of a client's cluster; 0 if the scheduler does not say within
+    CONNECT_SECONDS.
+    """
     with suppress(Exception):  # Dask raises many kinds for a scheduler that is gone
         return sum(client.sync(client.scheduler.ncores, callback_timeout=CONNECT_SECONDS).values())
     return 0
@@ -103,7 +115,8 @@ def threads(client: Any) -> int:
 
 @contextmanager
 def dask_crew(workers: Any, function: Callable[[Any], Any], alike: tuple[str, ...]) -> Iterator[DaskCrew]:
-    """A context with a crew: the workers of a Dask client, of a Dask cluster, or of the scheduler at an address.
+    """A context with a crew: the workers of a Dask client, of a Dask cluster,
+    or of the scheduler at an address.
 
     Raises a UsageError if Dask is not installed, no scheduler is at the address, or the client is
     asynchronous.
@@ -167,13 +180,17 @@ class DaskCrew(Futures):
         self.scheduler = self._identity()["id"]
 
     def room(self) -> int:
-        """The number of tasks that may be submitted, counted from the first unfinished one: four for each thread."""
+        """The number of tasks that may be submitted, counted from the first unfinished one:
+        four for each thread.
+        """
         if time.monotonic() - self.looked > LOOK_SECONDS:
             self._look()
         return max(TASKS_PER_WORKER, TASKS_PER_WORKER * self.threads)
 
     def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
-        """Submit tasks in one message, with names that no other run has: Dask identifies tasks by their names."""
+        """Submit tasks in one message, with names that no other run has:
+        Dask identifies tasks by their names.
+        """
         keys, awake = (
             [f"{self.name}-{number}" for number, _ in numbered],
             sorted(self.heard.keys() - self._silent(SILENT)),
@@ -192,7 +209,9 @@ class DaskCrew(Futures):
             self.watch(number, future)
 
     def finished(self) -> list[Outcome]:
-        """Wait for at least one outcome, and return all that arrived; raise ClusterFailure if the cluster is lost."""
+        """Wait for at least one outcome, and return all that arrived;
+        raise ClusterFailure if the cluster is lost.
+        """
         outcomes: list[Outcome] = []
         while not outcomes:
             try:
@@ -209,7 +228,9 @@ class DaskCrew(Futures):
         return outcomes
 
     def _fetched(self, numbers: list[int]) -> dict[int, Any]:
-        """Fetch the results of several tasks in one message; return {} if that fails: each is then fetched alone."""
+        """Fetch the results of several tasks in one message; return {} if that fails:
+        each is then fetched alone.
+        """
         ready = [number for number in numbers if self.running[number].status == "finished"]
         if len(ready) < 2:
             return {}
@@ -222,7 +243,9 @@ class DaskCrew(Futures):
             return {}
 
     def _outcomes(self, number: int, fetched: dict[int, Any]) -> list[Outcome]:
-        """A list with a finished task's outcome, from `fetched` or its worker; empty if the task is awaited again."""
+        """A list with a finished task's outcome, from `fetched` or its worker;
+        empty if the task is awaited again.
+        """
         from distributed import KilledWorker
 
         future = self.running.pop(number)
@@ -276,7 +299,9 @@ class DaskCrew(Futures):
         self.running.clear()
 
     def _look(self) -> None:
-        """Check that the cluster still knows this run, update its number of threads, and look for frozen workers."""
+        """Check that the cluster still knows this run, update its number of threads,
+        and look for frozen workers.
+        """
         self.looked = time.monotonic()
         if self.client.status != "running":
             raise self._gone(f"the client is {self.client.status}")
@@ -301,7 +326,9 @@ class DaskCrew(Futures):
             )
 
     def _asked(self, question: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
-        """The scheduler's answer to a question, a coroutine of Dask; TimeoutError without one in CONNECT_SECONDS."""
+        """The scheduler's answer to a question, a coroutine of Dask;
+        TimeoutError without one in CONNECT_SECONDS.
+        """
         return self.client.sync(question, *arguments, callback_timeout=CONNECT_SECONDS, **options)
 
     def _identity(self) -> dict[str, Any]:
@@ -341,7 +368,9 @@ class DaskCrew(Futures):
                 self._resend(number, self.running[number], holders)
 
     def _resend(self, number: int, future: Any, holders: set[str]) -> None:
-        """Compute a chunk on workers other than `holders`, from which no result comes; its old future is forgotten."""
+        """Compute a chunk on workers other than `holders`, from which no result comes;
+        its old future is forgotten.
+        """
         others = sorted(set(self.heard) - holders - self._silent(SILENT))
         if len(self.sent[number]) > RESENDS or not others:
             names, count = ", ".join(sorted(holders)) or "a worker", len(self.sent[number])
@@ -360,7 +389,9 @@ class DaskCrew(Futures):
         future.release()
 
     def _gone(self, why: Any) -> ClusterFailure:
-        """The ClusterFailure for a scheduler that does not answer or has forgotten the tasks of this run."""
+        """The ClusterFailure for a scheduler that does not answer or has forgotten the tasks of
+        this run.
+        """
         text = why if isinstance(why, str) else f"{type(why).__name__}: {why}"
         return ClusterFailure(
             f"The scheduler at {self.address} is gone, or has forgotten this run ({text}).",

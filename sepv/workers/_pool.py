@@ -1,8 +1,9 @@
-"""Crews of workers that compute numbered tasks and report each result: threads, processes, or an executor.
+"""Crews of workers that compute numbered tasks and report each result: threads, processes,
+or an executor.
 
-The processes are those of a pool and no `sepv.children.Child`: `multiprocessing` gives them a scheme
-that the user's script or notebook defines, which an interpreter of our own cannot import. Results
-are arrays of megabytes, which lines of text would copy three times.
+The processes are those of a pool and no `sepv.children.Child`: `multiprocessing` gives them a
+scheme that the user's script or notebook defines, which an interpreter of our own cannot import.
+Results are arrays of megabytes, which lines of text would copy three times.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from typing import Any, NamedTuple
 from sepv.children import end_with_parent
 from sepv.errors import UsageError
 
-# The number of tasks submitted at a time for each worker: one that it computes, and three more so that it never waits.
+# The number of tasks submitted at a time for each worker: one that it computes, and three more so
+# that it never waits.
 TASKS_PER_WORKER = 4
 # The number of workers assumed for an executor that does not state its number.
 ASSUMED_WORKERS = 16
@@ -38,7 +40,8 @@ class Halted(Exception):
     """Raised when a chunk of paths is stopped because nobody wants its result any more."""
 
 
-# The event of a thread, set when the thread's chunk is no longer wanted. It is checked between pieces of the chunk.
+# The event of a thread, set when the thread's chunk is no longer wanted. It is checked between
+# pieces of the chunk.
 _halt = threading.local()
 
 
@@ -57,11 +60,15 @@ class Futures:
         self.done: SimpleQueue[tuple[int, Any]] = SimpleQueue()
 
     def room(self) -> int:
-        """The number of tasks that may be submitted, counted from the first unfinished one: four for each worker."""
+        """The number of tasks that may be submitted, counted from the first unfinished one:
+        four for each worker.
+        """
         return TASKS_PER_WORKER * int(getattr(self.executor, "_max_workers", ASSUMED_WORKERS))
 
     def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
-        """Submit tasks one by one. If the executor is broken or shut down, its error is the outcome of each task."""
+        """Submit tasks one by one. If the executor is broken or shut down,
+        its error is the outcome of each task.
+        """
         for number, task in numbered:
             try:
                 future = self.executor.submit(self.function, task)
@@ -101,7 +108,9 @@ class Futures:
 
 @contextmanager
 def crew_of_threads(count: int, function: Callable[[Any], Any]) -> Iterator[Futures]:
-    """A context with a crew of threads. If an exception ends the context, running chunks stop soon (`halted`)."""
+    """A context with a crew of threads. If an exception ends the context,
+    running chunks stop soon (`halted`).
+    """
     event = threading.Event()
 
     def begin() -> None:
@@ -116,7 +125,9 @@ def crew_of_threads(count: int, function: Callable[[Any], Any]) -> Iterator[Futu
 
 
 def _serve_quietly() -> None:
-    """Prepare a process of a pool: it ends without a traceback after Ctrl-C, and when its parent process ends."""
+    """Prepare a process of a pool: it ends without a traceback after Ctrl-C,
+    and when its parent process ends.
+    """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     end_with_parent(os.getppid())
     parent = multiprocessing.parent_process()
@@ -140,7 +151,9 @@ class _Enough(Exception):
 
 @contextmanager
 def ended_at_once(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
-    """A context with a pool of processes, which are killed if an exception such as Ctrl-C leaves the context."""
+    """A context with a pool of processes, which are killed if an exception such as Ctrl-C leaves
+    the context.
+    """
     before = set(multiprocessing.active_children())
     try:
         with pool:
@@ -159,12 +172,15 @@ class _Processes(Futures):
     def cancel(self) -> None:
         """Do nothing, because `crew_of_processes` ends the processes of tasks that still run.
 
-        If the futures were cancelled too, the pool's own thread would fail when it finds its processes gone.
+        If the futures were cancelled too, the pool's own thread would fail when it finds its
+        processes gone.
         """
 
 
 def cannot_travel(error: Exception) -> UsageError:
-    """Make the UsageError for a scheme, problem or function that cannot be pickled for another process."""
+    """Make the UsageError for a scheme, problem or function that cannot be pickled for another
+    process.
+    """
     return UsageError(
         expected="a scheme, a problem and functionals that can go to another process",
         received=f"{type(error).__name__}: {error}",

@@ -1,8 +1,9 @@
-"""Computation of tasks, such as chunks of paths, on threads, processes, an executor, a map, or Dask.
+"""Computation of tasks, such as chunks of paths, on threads, processes, an executor, a map,
+or Dask.
 
-If a worker dies or a task raises, the task is computed again in this process. So the result of a task must
-depend on its arguments alone. The number of submitted tasks is limited, so that results do not pile up behind
-a slow task.
+If a worker dies or a task raises, the task is computed again in this process. So the result of a
+task must depend on its arguments alone. The number of submitted tasks is limited, so that results
+do not pile up behind a slow task.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ TASKS_PER_MAP = 64
 
 
 def check(workers: Any) -> None:
-    """Raise a UsageError if an object cannot be used as workers; the message lists the kinds of workers."""
+    """Raise a UsageError if an object cannot be used as workers;
+    the message lists the kinds of workers.
+    """
     fits = (
         (isinstance(workers, int) and not isinstance(workers, bool) and workers >= 1)
         or callable(workers)
@@ -60,26 +63,28 @@ def run_all(
     bounded: bool = True,
     alike: tuple[str, ...] = ("numpy", "numba"),
 ) -> int:
-    """Compute function(task) for every task on workers; `receive` gets each task's number and result, in any order.
+    """Compute function(task) for every task on workers;
+    `receive` gets each task's number and result, in any order.
 
-    Returns the number of tasks that failed on a worker and were computed again in this process. If a task
-    raises here too, so does this function. If a cluster is lost or unfit, ClusterFailure is raised and
-    nothing is computed again.
+    Returns the number of tasks that failed on a worker and were computed again in this process. If
+    a task raises here too, so does this function. If a cluster is lost or unfit, ClusterFailure is
+    raised and nothing is computed again.
 
     Parameters
     ----------
     workers : int, executor, map-like callable, Dask client or its address
-        The number of processes, or of threads if `threads` (the function must then release the GIL). For an
-        executor or its `map`, tasks are submitted one by one, so that no finished task is lost when a worker
-        dies. Any other map-like callable gets a function and numbered tasks, and may return their outcomes in
-        any order.
+        The number of processes, or of threads if `threads` (the function must then release the
+        GIL). For an executor or its `map`, tasks are submitted one by one, so that no finished task
+        is lost when a worker dies. Any other map-like callable gets a function and numbered tasks,
+        and may return their outcomes in any order.
     receive : callable (number, result)
         Returns True if no more results are wanted.
     bounded : bool
-        True if results must not pile up: a map is then called with TASKS_PER_MAP tasks at a time. Other
-        workers always get a few tasks at a time.
+        True if results must not pile up: a map is then called with TASKS_PER_MAP tasks at a time.
+        Other workers always get a few tasks at a time.
     alike : tuple of str
-        Packages that, like sepv, must have the same version on a worker of a cluster as in this process.
+        Packages that, like sepv, must have the same version on a worker of a cluster as in this
+        process.
     """
     check(workers)
     if isinstance(workers, int) and (workers == 1 or len(tasks) < 2):
@@ -109,13 +114,15 @@ def run_all(
 def _flow(
     crew: Futures, function: Callable[[T], R], tasks: Sequence[T], receive: Callable[[int, R], bool | None]
 ) -> int:
-    """Compute all tasks on a crew, a few at a time; return how many failed and were computed again in this process."""
+    """Compute all tasks on a crew, a few at a time; return how many failed and were computed again
+    in this process.
+    """
     first = sent = again = 0
     done: set[int] = set()
     try:
         while first < len(tasks):
-            # The limit is counted from the first unfinished task, so that no results pile up behind a slow
-            # task.
+            # The limit is counted from the first unfinished task, so that no results pile up behind
+            # a slow task.
             beyond = min(len(tasks), first + crew.room())
             if sent < beyond:
                 crew.submit([(number, tasks[number]) for number in range(sent, beyond)])
@@ -135,7 +142,9 @@ def _flow(
 
 
 def _guarded(function: Callable[[Any], Any], numbered: tuple[int, Any]) -> tuple[int, bool, Any]:
-    """Run a numbered task and return (number, True, result) or (number, False, error), so that no error ends a map."""
+    """Run a numbered task and return (number, True, result) or (number, False, error),
+    so that no error ends a map.
+    """
     number, task = numbered
     try:
         return number, True, function(task)
@@ -146,7 +155,9 @@ def _guarded(function: Callable[[Any], Any], numbered: tuple[int, Any]) -> tuple
 def _map(
     mapper: Any, function: Callable[[T], R], tasks: Sequence[T], receive: Callable[[int, R], bool | None], lot: int
 ) -> int:  # fmt: skip
-    """Compute all tasks by a map-like callable, `lot` tasks a call; return how many this process computed again."""
+    """Compute all tasks by a map-like callable, `lot` tasks a call;
+    return how many this process computed again.
+    """
     again = 0
     for first in range(0, len(tasks), lot):
         numbered = [(n, tasks[n]) for n in range(first, min(first + lot, len(tasks)))]
@@ -165,7 +176,9 @@ def _map(
 def _mapped(
     mapper: Any, function: Callable[[T], R], numbered: list[tuple[int, T]]
 ) -> Iterator[tuple[int, R]]:
-    """Yield (number, result) of each task that a map-like callable computes with success, until it ends or raises."""
+    """Yield (number, result) of each task that a map-like callable computes with success,
+    until it ends or raises.
+    """
     try:
         results = iter(mapper(partial(_guarded, function), numbered))
     except Exception:
@@ -175,14 +188,16 @@ def _mapped(
             outcome = next(results)
         except Exception:  # the map has ended, regularly or by an error
             return
-        # If a map returns anything else for a task, the task counts as missing and is computed in this
-        # process.
+        # If a map returns anything else for a task, the task counts as missing and is computed in
+        # this process.
         if isinstance(outcome, tuple) and len(outcome) == 3 and outcome[1]:
             yield outcome[0], outcome[2]
 
 
 def _dask(workers: Any) -> Any:
-    """The Dask client, cluster or address that `workers` is, or the client whose `map` it is; else None."""
+    """The Dask client, cluster or address that `workers` is, or the client whose `map` it is;
+    else None.
+    """
     for candidate in (workers, getattr(workers, "__self__", None)):
         ours = type(candidate).__module__.startswith(("distributed.", "dask"))
         if ours and hasattr(candidate, "scheduler_info"):

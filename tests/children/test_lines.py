@@ -1,4 +1,6 @@
-"""Lines between processes of sepv: what comes from elsewhere is never unpickled, and nothing of ours is lost by it."""
+"""Lines between processes of sepv: what comes from elsewhere is never unpickled,
+and nothing of ours is lost by it.
+"""
 
 import json
 import pickle

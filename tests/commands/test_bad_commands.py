@@ -1,8 +1,10 @@
-"""Bad input to commands, class by class: each ends in an error of sepv that says what to do, or in a right result.
+"""Bad input to commands, class by class: each ends in an error of sepv that says what to do,
+or in a right result.
 
-A row is a file, a scheme, a module, a program or a command. Nothing may hang (an alarm rings after some seconds), show
-a traceback from inside, or leave half a file. What problem files, tokens and reports may say is in test_hostile.py,
-programs on their pipes are in test_external.py, functions of sepv in test_bad_input.py.
+A row is a file, a scheme, a module, a program or a command. Nothing may hang (an alarm rings after
+some seconds), show a traceback from inside, or leave half a file. What problem files, tokens and
+reports may say is in test_hostile.py, programs on their pipes are in test_external.py, functions of
+sepv in test_bad_input.py.
 """
 
 import shlex
@@ -20,7 +22,9 @@ Check = Callable[[Path], None]
 
 
 def cli(arguments: str, code: int, *words: str, **files: str | bytes) -> Check:
-    """The command ends with this exit code and these words; the folder holds what it held before."""
+    """The command ends with this exit code and these words; the folder holds what it held
+    before.
+    """
 
     def check(folder: Path) -> None:
         for name, content in files.items():
@@ -244,6 +248,7 @@ CHECKS: dict[str, Check] = {
 def test_bad_input_ends_in_an_error_of_ours_or_a_right_result(name, reader):
     with np.errstate():
         CHECKS[name](reader.folder)
-    # What came in has an end: no time limit of sepv's is left to go off later, and nobody went to another folder.
+    # What came in has an end: no time limit of sepv's is left to go off later, and nobody went to
+    # another folder.
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
     assert Path.cwd() == reader.folder.resolve()

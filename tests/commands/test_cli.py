@@ -1,4 +1,6 @@
-"""What a user sees: tables, files, exit codes, one message a mistake; every command takes a user's own scheme."""
+"""What a user sees: tables, files, exit codes, one message a mistake;
+every command takes a user's own scheme.
+"""
 
 import json
 import re
@@ -107,8 +109,9 @@ def test_a_raising_scheme_is_an_error_of_every_law_and_debug_shows_it(call) -> N
     code = "def step(problem, y, h, dW):\n    raise RuntimeError('out of order')\n"
     result = call("verify mine:step --examples 2 --paths 64 --shrink-checks 2", code)
     assert result.exit_code == 3
-    # Truncation is about the increments that the scheme asks for, a function of one state has no batch, and some
-    # laws are for schemes of another class of systems, or for functions that a problem states.
+    # Truncation is about the increments that the scheme asks for, a function of one state has no
+    # batch, and some laws are for schemes of another class of systems, or for functions that a
+    # problem states.
     assert f"8 not applicable, {len(LAWS) - 8} errors" in result.output
     assert "out of order" in result.output
     shown = call("verify mine:step --examples 2 --law energy --debug", code)
@@ -201,7 +204,8 @@ def test_a_scheme_that_fails_ends_no_comparison(folder: Path) -> None:
     obeys(found, "comparison")
     assert [m["name"] for m in found["methods"]] == ["midpoint"]
     assert set(found["failed"]) == {f"everywhere:{name}" for name in why}
-    # A name that names nothing ends the command before anything is timed: somebody waits for that scheme.
+    # A name that names nothing ends the command before anything is timed: somebody waits for that
+    # scheme.
     for name, words in (("everywhere:missing", "an attribute"), ("midpiont", "did you mean 'midpoint'?")):
         shown = command(f"compare midpoint {name} {FEW} -p pendulum", 3)
         assert words in shown.stderr
@@ -217,7 +221,8 @@ def test_a_saved_record_of_an_own_problem_guards_it(folder: Path) -> None:
 
 @pytest.mark.parametrize("problem", ["kepler", "toda"])
 def test_laws_about_many_steps_fit_the_problems_beyond_the_paper(problem: str) -> None:
-    # Kepler's steps are as long as its slopes allow; Toda's lattice starts at y = 0, where no rounding has a size.
+    # Kepler's steps are as long as its slopes allow; Toda's lattice starts at y = 0, where no
+    # rounding has a size.
     laws = ["rounding", "mean-square-order", "weak-order", "right-limit"]
     found = verdicts("energy-preserving", laws, problem, paths=512, examples=8)
     assert set(found.values()) <= {"holds", "inconclusive"}, found

@@ -1,8 +1,9 @@
-"""Files, tokens, programs and names from others: each is refused in words, and nothing that they name runs.
+"""Files, tokens, programs and names from others: each is refused in words,
+and nothing that they name runs.
 
-A row is a file's content. A module called canary leaves a file when it is imported. No command ends in
-70 or in a traceback, each message has its words (the file, the place in it, the reason), and no control character from
-outside reaches a terminal.
+A row is a file's content. A module called canary leaves a file when it is imported. No command ends
+in 70 or in a traceback, each message has its words (the file, the place in it, the reason), and no
+control character from outside reaches a terminal.
 """
 
 import base64
@@ -224,7 +225,9 @@ def test_a_built_in_problem_goes_to_a_file_and_back(name: str) -> None:
     "law", ["identity", "casimir", "invariant:casimir", "midpoint", "reduction", "expansion"]
 )
 def test_a_law_accuses_nobody_on_a_case_of_another(law: str) -> None:
-    """(2.1) claims all of these; replayed on what other laws ask, *identity* alone called it violated 40 times."""
+    """(2.1) claims all of these; replayed on what other laws ask,
+    *identity* alone called it violated 40 times.
+    """
     for other in ("energy", "symmetry", "noise-sum", "equivariance"):
         for witness in witnesses(other)[:2]:
             try:
@@ -250,7 +253,9 @@ def test_a_witness_of_its_own_package_is_replayed_and_others_when_they_are_named
 
 
 def test_a_tolerance_is_advised_only_where_the_defect_is_no_power_of_the_step() -> None:
-    """Heun's defect of H is that of its order, also in steps so short that it is as small as a tolerance."""
+    """Heun's defect of H is that of its order, also in steps so short that it is as small as a
+    tolerance.
+    """
     quartic = SYSTEM | {"hamiltonian": [[[4, 0], 0.25], [[0, 2], 0.5]]}
     short = {"problem": quartic, "y": [1, 0.5], "h": 2.0**-13, "dW": [0.0]}
     found = replay("euler-heun", "energy", short)

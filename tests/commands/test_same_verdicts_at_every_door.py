@@ -1,4 +1,6 @@
-"""Four doors onto one list of laws: the same scheme gets the same verdicts at each. And Ctrl-C in a run of them."""
+"""Four doors onto one list of laws: the same scheme gets the same verdicts at each.
+And Ctrl-C in a run of them.
+"""
 
 import json
 import re
@@ -44,7 +46,8 @@ def test_pytest_says_the_same(at_home: dict[str, str], reader: Reader) -> None:
     assert dict(rows) == {law: verdict for law, verdict in at_home.items() if law not in left_out}
 
 
-# *reproducibility* has batches of thousands, which take half a minute as JSON, and *contract* thousands of steps.
+# *reproducibility* has batches of thousands, which take half a minute as JSON, and *contract*
+# thousands of steps.
 @pytest.mark.parametrize("left_out", but_deep([("reproducibility contract",), ("",)], ("",)))
 def test_a_program_of_another_language_gets_the_same(at_home: dict[str, str], left_out: str) -> None:
     # Plain Python without sepv and NumPy: rounding is its own, verdicts are not.
@@ -52,14 +55,17 @@ def test_a_program_of_another_language_gets_the_same(at_home: dict[str, str], le
     with load_program(command) as scheme:
         report = verify(scheme, laws=[law for law in LAWS if law not in left_out.split()], effort=EFFORT)
     found = {f.law: f.verdict.text for f in report.findings}
-    # Whether h f + S f cancels to the last bit at Δ = 0 is a matter of rounding: Euler-Heun does not claim it.
+    # Whether h f + S f cancels to the last bit at Δ = 0 is a matter of rounding: Euler-Heun does
+    # not claim it.
     asked = {law: verdict for law, verdict in at_home.items() if law not in left_out.split()}
     # And the program refuses the steps that leave the octant, where the scheme of sepv leaves it.
     assert {**found, **{law: at_home[law] for law in ("identity", "positivity")}} == asked
 
 
 def test_ctrl_c_keeps_what_was_decided(reader: Reader, monkeypatch: pytest.MonkeyPatch) -> None:
-    """While the second law is measured; what a signal does to processes is asked in test_watch.py."""
+    """While the second law is measured; what a signal does to processes is asked in
+    test_watch.py.
+    """
 
     def measured(law: Law, *rest: Any, **more: Any) -> Finding:
         if law.name == "energy":

@@ -1,4 +1,6 @@
-"""Terminal manners: colour, narrow tables that lose no digit, plain pipes, help with examples, ASCII where needed."""
+"""Terminal manners: colour, narrow tables that lose no digit, plain pipes, help with examples,
+ASCII where needed.
+"""
 
 import contextlib
 import doctest

@@ -1,4 +1,6 @@
-"""Whatever happens to the process of a command, it ends with a word: Ctrl-C at any moment, a crash in compiled code."""
+"""Whatever happens to the process of a command, it ends with a word: Ctrl-C at any moment,
+a crash in compiled code.
+"""
 
 import contextlib
 import json
@@ -16,12 +18,14 @@ from doors import but_deep, ended
 
 from benchmarks import hostile_steps
 
-# From the first line of `main` on, with SIGINT as a terminal has it; who waits is told when that is.
+# From the first line of `main` on, with SIGINT as a terminal has it; who waits is told when that
+# is.
 START = (
     "import os, signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
     "from sepv.commands import main; os.write(1, b'.'); main()"
 )
-# A machine may be loaded: this is a limit against hanging. Who watches kills what has not answered after 1.2 s.
+# A machine may be loaded: this is a limit against hanging. Who watches kills what has not answered
+# after 1.2 s.
 SOON = 60.0
 PROGRAM = """
 import json, sys
@@ -98,7 +102,8 @@ def test_ctrl_c_at_two_hundred_random_moments_is_answered(arguments: str, tmp_pa
 
 
 def at_random_moments(folder: Path, arguments: str, count: int) -> None:
-    """Interrupt a run at random moments until `count` answers have come; a run that ended before is begun again.
+    """Interrupt a run at random moments until `count` answers have come;
+    a run that ended before is begun again.
 
     The interval of moments becomes shorter with each such run, so that the moments come in the end.
     """
@@ -112,7 +117,8 @@ def at_random_moments(folder: Path, arguments: str, count: int) -> None:
             continue
         out, err, seconds = interrupted(child)
         if child.returncode == 0 and "sepv: interrupted" not in err:
-            # It had ended, and only Python's own end was left. What swallows Ctrl-C would go on for longer.
+            # It had ended, and only Python's own end was left. What swallows Ctrl-C would go on for
+            # longer.
             assert seconds < 0.5 + 0.25 * whole, (seconds, whole, out, err)
             continue
         require_answered(child, out, err)
@@ -134,7 +140,9 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize(("scheme", "times"), [("destroys", 1), ("eats", 1), ("eats", 2)])
 def test_ctrl_c_that_is_eaten_is_answered(scheme: str, times: int, folder: Path) -> None:
-    """By a destructor, as Hypothesis' callback of the garbage collector ate it, or by a step that catches all."""
+    """By a destructor, as Hypothesis' callback of the garbage collector ate it,
+    or by a step that catches all.
+    """
     child = started(folder, f"verify mine:{scheme} --law identity -q")
     wait_for(folder / "begun")
     require_answered(child, *interrupted(child, times)[:2])
@@ -201,7 +209,9 @@ def test_a_step_that_ends_the_process_has_a_word_and_is_no_success(command, once
 
 
 def test_a_debugger_sees_the_step(folder: Path) -> None:
-    """A break point reads from the terminal of the command; under `python -m pdb` all runs in one process."""
+    """A break point reads from the terminal of the command;
+    under `python -m pdb` all runs in one process.
+    """
     (folder / "mine.py").write_text("def step(problem, y, h, dW):\n    breakpoint()\n    return y.copy()\n")
     child = subprocess.run(
         [sys.executable, "-m", "sepv", "verify", "mine:step", "--law", "identity"],
@@ -218,7 +228,9 @@ def test_a_debugger_sees_the_step(folder: Path) -> None:
 
 @pytest.mark.parametrize("scheme", ["eats", "spins"])
 def test_a_command_that_is_killed_leaves_no_process(scheme: str, folder: Path) -> None:
-    """A process in a loop of compiled code ran on, because the thread that saw the end did not run."""
+    """A process in a loop of compiled code ran on, because the thread that saw the end did not
+    run.
+    """
     child = started(folder, f"verify mine:{scheme} --law energy -q")
     wait_for(folder / "begun")
     workers = list(map(int, Path(f"/proc/{child.pid}/task/{child.pid}/children").read_text().split()))
@@ -348,7 +360,9 @@ def test_what_a_scheme_raises_returns_or_removes_is_its_error_alone(
 
 
 def test_a_thread_and_a_process_that_a_scheme_leaves_behind_hold_nothing_up(folder: Path) -> None:
-    """The replay in a fresh process was waited for until its limit of a minute, and never said anything."""
+    """The replay in a fresh process was waited for until its limit of a minute,
+    and never said anything.
+    """
     child = started(folder, "verify mine:leaves_helpers --law energy --json r.json -q")
     with (
         child.stdout,

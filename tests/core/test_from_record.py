@@ -1,4 +1,6 @@
-"""Steps solved from records are those of the general solver; equations of the midpoint alone are multiplied out."""
+"""Steps solved from records are those of the general solver;
+equations of the midpoint alone are multiplied out.
+"""
 
 from dataclasses import replace
 from functools import partial
@@ -24,7 +26,9 @@ CASES = [(s, p) for s in SCHEMES for p in NAMED if s is not schemes.both_invaria
 
 
 def directly(scheme: Scheme, problem: Problem, y: np.ndarray, h: float, dW: np.ndarray) -> Solution:
-    """By the general solver: a function around B is no longer the one that the problem has by its name."""
+    """By the general solver: a function around B is no longer the one that the problem has by its
+    name.
+    """
     plain = replace(problem, structure=partial(problem.structure), check=False)
     return scheme.solve(plain, y, h, dW)
 
@@ -77,7 +81,9 @@ def test_bits_depend_on_no_other_lane(problem: Problem) -> None:
 
 
 def test_a_step_without_a_solution_ends_as_without_a_record() -> None:
-    """Lotka-Volterra at a step without a solution, one over the domain's boundary, and a state at rest."""
+    """Lotka-Volterra at a step without a solution, one over the domain's boundary,
+    and a state at rest.
+    """
     problem, scheme = problems.lotka_volterra(), schemes.energy_preserving
     y = np.repeat(np.asarray(problem.initial)[:, None], 3, axis=1)
     dW = np.array([[4.0, 2.0, 0.01]]) * np.ones((problem.noises, 1))

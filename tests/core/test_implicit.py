@@ -1,4 +1,6 @@
-"""The implicit solve: what it reports; and Newton's Jacobians, which are derivatives, as no law about steps sees."""
+"""The implicit solve: what it reports; and Newton's Jacobians, which are derivatives,
+as no law about steps sees.
+"""
 
 from dataclasses import replace
 from importlib import import_module
@@ -66,7 +68,8 @@ def test_problems_without_derivatives_or_degree_give_the_same_step(scheme: sepv.
     assert full.status[0] == bare.status[0] == Status.CONVERGED
     from sepv.verification import step_residual
 
-    # Two solutions of one equation, each with a residual at rounding; the contraction factor is ≤ 1/4.
+    # Two solutions of one equation, each with a residual at rounding; the contraction factor is
+    # ≤ 1/4.
     allowed = 2 * 4 / 3 * step_residual(problem, y, full.value[:, 0], h, dW).max()
     assert np.max(np.abs(full.value - bare.value)) <= allowed
 
@@ -109,7 +112,9 @@ def test_a_step_without_solution_says_so() -> None:
 
 
 def test_a_state_at_rest_stays_where_the_jacobian_is_singular() -> None:
-    """H = y1 y2 has a saddle at the origin; at Δ = 2 the Jacobian of (3.4) and (2.1) there is singular."""
+    """H = y1 y2 has a saddle at the origin; at Δ = 2 the Jacobian of (3.4) and (2.1)
+    there is singular.
+    """
     B = [[0, 1, [[[0, 0], 1.0]]]]
     data = problems.from_json({"dimension": 2, "hamiltonian": [[[1, 1], 1.0]], "structure": B})
     problem = problems.polynomial_problem(data)
@@ -119,7 +124,9 @@ def test_a_state_at_rest_stays_where_the_jacobian_is_singular() -> None:
 
 @pytest.mark.parametrize("name", ["midpoint", "energy-preserving", "discrete-gradient"])
 def test_a_domain_in_which_h_goes_on_beyond_is_left_by_name(name: str) -> None:
-    """A rotation by Δ ≈ ½ from (1, 1) takes q to 1.36, where H is defined too: `domain` alone ends it at 1.2."""
+    """A rotation by Δ ≈ ½ from (1, 1) takes q to 1.36, where H is defined too:
+    `domain` alone ends it at 1.2.
+    """
     H = lambda y: 0.5 * (y[0] ** 2 + y[1] ** 2)  # noqa: E731
     problem = Problem(2, J, H, domain=lambda y: y[1] < 1.2, initial=(1.0, 1.0))
     y, dW = np.array([[1.0, 1.0, 0.1], [1.0, 1.0, -0.5]]), np.array([[0.4, 0.0, 0.4]])
@@ -141,7 +148,9 @@ Y1 = Y0 + np.array([[0.2, 0.1], [-0.1, 0.3], [0.15, -0.2]])
 
 
 def generic(degree: int = 4) -> Problem:
-    """Every monomial up to a degree in H, every entry of B quadratic: nothing vanishes by chance."""
+    """Every monomial up to a degree in H, every entry of B quadratic: nothing vanishes by
+    chance.
+    """
     exponents = [e for e in product(range(degree + 1), repeat=3) if 0 < sum(e) <= degree]
     H = poly.polynomial(3, {e: 1 / (3 + n) for n, e in enumerate(exponents)})
     short = [(n, e) for n, e in enumerate(exponents, start=1) if sum(e) <= 2]
@@ -228,7 +237,9 @@ def test_derivatives_of_the_field_are_derivatives() -> None:
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_differences_stay_inside_the_domain(side: int) -> None:
-    """± y1 ≤ 1, and the first lane on the boundary: differences to the other side there, as good as any."""
+    """± y1 ≤ 1, and the first lane on the boundary: differences to the other side there,
+    as good as any.
+    """
     base = single(generic())
 
     def inside(y: np.ndarray) -> np.ndarray:
@@ -254,8 +265,9 @@ def test_differences_stay_inside_the_domain(side: int) -> None:
 def test_differences_along_a_vector_find_the_scale_of_the_field(name: str, size: float) -> None:
     """|y| for 1/y and for polynomials, 1 for a sine, however many turns |y| is.
 
-    In binary64 an error of order six, (2⁻⁷)⁶ = 2e-13 beside f, and the rounding of y, eps|y| 2⁷; in long double, where
-    that has 64 bits of mantissa, (2⁻⁹)⁶ and 2¹¹ times less rounding: at most a few roundings of f′v.
+    In binary64 an error of order six, (2⁻⁷)⁶ = 2e-13 beside f, and the rounding of y, eps|y| 2⁷; in
+    long double, where that has 64 bits of mantissa, (2⁻⁹)⁶ and 2¹¹ times less rounding: at most a
+    few roundings of f′v.
     """
     problem = problems.by_name(name)
     y = size * np.outer(np.asarray(problem.initial), [1.0, 0.7])

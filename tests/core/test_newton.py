@@ -1,4 +1,6 @@
-"""Newton's iteration: what it reports, each of its safeguards on its own, and one lane to the bits of a batch."""
+"""Newton's iteration: what it reports, each of its safeguards on its own,
+and one lane to the bits of a batch.
+"""
 
 from collections.abc import Callable
 from functools import partial
@@ -39,7 +41,9 @@ class Given:
 
 @pytest.mark.parametrize("lanes", [1, 3])
 class TestLastCorrection:
-    """z = c − rz with a slope r(1 + off), for y = 1: each correction is off·r/(1 + r) of the one before."""
+    """z = c − rz with a slope r(1 + off), for y = 1: each correction is off·r/(1 + r)
+    of the one before.
+    """
 
     r = 0.25
 
@@ -81,10 +85,11 @@ class TestLastCorrection:
 
 
 def test_a_slow_jacobian_ends_with_one_of_differences() -> None:
-    """R′ = −r said to be 0: after 40 iterations an error of r⁴⁰, small beside its own lane's size or not.
+    """R′ = −r said to be 0: after 40 iterations an error of r⁴⁰,
+    small beside its own lane's size or not.
 
-    From there two iterations with the Jacobian of R itself solve a linear equation and see that it is solved; where
-    the error is not small one damped step from 0 is between.
+    From there two iterations with the Jacobian of R itself solve a linear equation and see that it
+    is solved; where the error is not small one damped step from 0 is between.
     """
     c, r = np.array([1.0, -1e6, 1e-6, 1.0]), np.array([0.6, 0.6, 0.6, 0.8])
     system = Given(
@@ -99,7 +104,9 @@ def test_a_slow_jacobian_ends_with_one_of_differences() -> None:
 
 
 def test_a_component_at_rounding_beside_the_others_converges_to_its_own() -> None:
-    """z = (1, 10⁻¹⁷ · ½ cos(10¹⁷ z₂)): a share of eps|z| that is no rounding of it, 0.45 of 10⁻¹⁷."""
+    """z = (1, 10⁻¹⁷ · ½ cos(10¹⁷ z₂)): a share of eps|z| that is no rounding of it, 0.45 of
+    10⁻¹⁷.
+    """
     system = Given(
         lambda z, _: np.stack([0 * z[0] + 1, 0.5e-17 * np.cos(1e17 * z[1])]),
         lambda z, _: np.array([[0 * z[0], 0 * z[0]], [0 * z[0], -0.5 * np.sin(1e17 * z[1])]]),
@@ -116,7 +123,9 @@ class TestRounding:
     """
 
     def test_beside_what_a_rounding_of_the_state_does_to_a_stiff_equation(self) -> None:
-        """z = −L((1 + z) − ½) loses eps/2 in 1 + z, L times as much in R; L differs from lane to lane."""
+        """z = −L((1 + z) − ½) loses eps/2 in 1 + z, L times as much in R;
+        L differs from lane to lane.
+        """
         L = np.array([1e6, 1e8, 2.0])
         R, slope = lambda z, lanes: -L[lanes] * ((1 + z) - 0.5), lambda z, lanes: (-L[lanes] + 0 * z)[None]
         system = Given(R, slope, lanes=3, exact=True)
@@ -124,7 +133,8 @@ class TestRounding:
         assert solution.status.tolist() == [Status.CONVERGED] * 3
         assert np.all(np.abs(solution.value[0] + L / 2 / (1 + L)) <= 4 * EPS)
         assert np.all(solution.iterations <= 6)
-        # A Jacobian that is not said to be that of R excuses nothing: its first solve goes on to the end.
+        # A Jacobian that is not said to be that of R excuses nothing: its first solve goes on to
+        # the end.
         vague = Given(system.R, system.slope, lanes=3)
         assert np.all(iterate(vague.equations, np.full((1, 3), 0.3)).iterations[:2] > 40)
 
@@ -156,7 +166,9 @@ def test_damping_finds_what_full_steps_jump_over_and_leaves_the_other_lanes_alon
 
 
 def test_what_blocks_a_share_is_said() -> None:
-    """Out of the domain at every share; not finite at every share; inside, finite and never smaller."""
+    """Out of the domain at every share; not finite at every share; inside,
+    finite and never smaller.
+    """
     system = Given(
         lambda z, lanes: np.where(lanes == 1, np.inf, z - 9.0), lanes=3, inside=lambda z, lanes: lanes != 0
     )
@@ -220,7 +232,8 @@ def test_the_first_lane_that_failed_is_the_failure() -> None:
 
 
 TINY = 1e-310
-# By lane: the size of y0, R and its slope (as the scheme says it), for the first unknown; the second is `second` of it.
+# By lane: the size of y0, R and its slope (as the scheme says it), for the first unknown; the
+# second is `second` of it.
 LANES = {
     "contracts": (1.0, lambda z: 0.5 * np.cos(z), lambda z: -0.5 * np.sin(z)),
     "slope left out": (1.0, lambda z: 1 - 0.6 * z, lambda z: 0 * z),

@@ -1,8 +1,10 @@
-"""What other repositories use of this one: the action, the projects of examples/ci, the hook, the form, the citation.
+"""What other repositories use of this one: the action, the projects of examples/ci, the hook,
+the form, the citation.
 
-Each project is built, and the step of its workflow run as the action runs it, green and red. What a workflow does
-beside the action (checkout, interpreters, `pip install .`) is the runner's; here the folder is on the path instead.
-And a checkout works where it stands: the sdist carries all that the tests read, and each paper has a source.
+Each project is built, and the step of its workflow run as the action runs it, green and red. What a
+workflow does beside the action (checkout, interpreters, `pip install .`) is the runner's; here the
+folder is on the path instead. And a checkout works where it stands: the sdist carries all that the
+tests read, and each paper has a source.
 """
 
 import importlib.util
@@ -114,7 +116,9 @@ def test_the_citation_names_this_version() -> None:
 
 
 class Project(NamedTuple):
-    """A folder, the tool that it needs, a fault (text of a file, and what is put in its place), a law that sees it."""
+    """A folder, the tool that it needs, a fault (text of a file, and what is put in its place),
+    a law that sees it.
+    """
 
     folder: str
     needs: str
@@ -142,7 +146,9 @@ def test_every_project_is_tested_and_listed() -> None:
 
 
 def ran(home: Path, **changes: str) -> subprocess.CompletedProcess[str]:
-    """The workflow's own commands, then the action's step with the workflow's inputs, but for what is changed."""
+    """The workflow's own commands, then the action's step with the workflow's inputs,
+    but for what is changed.
+    """
     inputs: dict[str, str] = {}
     for step in load(home / ".github" / "workflows" / "laws.yml")["jobs"]["verify"]["steps"]:
         if "run" in step and not step["run"].startswith("pip install"):
@@ -186,7 +192,9 @@ def test_the_folders_at_the_top_are_found_from_a_bare_checkout(name: str) -> Non
 
 
 def test_the_sdist_carries_every_folder_of_the_checkout() -> None:
-    """setuptools adds the packages alone; the tests read pages, examples and records beside them."""
+    """setuptools adds the packages alone; the tests read pages, examples and records beside
+    them.
+    """
     manifest = (ROOT / "MANIFEST.in").read_text(encoding="utf-8").splitlines()
     grafted = {line.removeprefix("graft ") for line in manifest if line.startswith("graft ")}
     made_here = {line.strip("/") for line in (ROOT / ".gitignore").read_text(encoding="utf-8").splitlines()}
@@ -196,7 +204,8 @@ def test_the_sdist_carries_every_folder_of_the_checkout() -> None:
 
 SOURCES = doc("sources.md")
 NAME = r"(?:[A-Z]\. )?[A-Z][a-zé]+"
-# "Cohen and Hairer (2011)", "D. Cohen and G. Vilmart, … 2022": names, and a year within the next words.
+# "Cohen and Hairer (2011)", "D. Cohen and G. Vilmart, … 2022": names, and a year within the next
+# words.
 CITED = re.compile(rf"({NAME}(?:, {NAME})*,? and {NAME}|{NAME}) \(?((?:19|20)\d\d)\b")
 
 

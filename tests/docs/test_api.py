@@ -20,7 +20,9 @@ PRIVATE = re.compile(r"sepv(?:\.\w+)*\._\w+")
 
 
 def public(module: ModuleType) -> dict[str, Any]:
-    """The names for users: in `__all__`, imported as ``X as X``, or classes that a file without both defines."""
+    """The names for users: in `__all__`, imported as ``X as X``,
+    or classes that a file without both defines.
+    """
     tree = ast.parse(inspect.getsource(module))
     names = set(getattr(module, "__all__", ()))
     for node in ast.walk(tree):

@@ -1,4 +1,6 @@
-"""Every code block of README and of the pages under docs/ runs, and what they say of commands, files and laws is so."""
+"""Every code block of README and of the pages under docs/ runs, and what they say of commands,
+files and laws is so.
+"""
 
 import importlib.util
 import json
@@ -51,7 +53,8 @@ def blocks(page: str, language: str | None = None) -> list[tuple[str, str]]:
     return [found for found in blocks_in(doc(f"{page}.md")) if language in (None, found[0])]
 
 
-# Blocks whose command takes minutes, or is the block itself; that of docs/protocol.md is in test_printed_numbers.py.
+# Blocks whose command takes minutes, or is the block itself; that of docs/protocol.md is in
+# test_printed_numbers.py.
 SHOWN_ELSEWHERE = ("protocol", "speed")
 
 
@@ -64,7 +67,8 @@ def fewer(words: list[str]) -> list[str]:
         rest += shlex.split("--range 0.5 --states 4 --grid 4 --until 1 --paths 4")
     if command == "verify" and "--check-protocol" not in rest:
         rest = [word for word in rest if word != "--deep"] + shlex.split("--examples 2 --paths 64")
-        # *Contract* starts processes and takes longer than all other laws; a list without it names them still.
+        # *Contract* starts processes and takes longer than all other laws; a list without it names
+        # them still.
         rest = [word.removeprefix("contract,") if "," in word else word for word in rest]
         while ("--law", "contract") in pairwise(rest):
             at = rest.index("contract")
@@ -137,7 +141,9 @@ def run_blocks(page: str, reader: Reader) -> int:
 
 
 def typed(line: str, reader: Reader) -> str:
-    """Run a line for a shell; what sepv prints. What would be installed is here already, and is written down."""
+    """Run a line for a shell; what sepv prints. What would be installed is here already,
+    and is written down.
+    """
     tool, *words = shlex.split(line)
     if tool == "pip":
         with (reader.folder / "installed").open("a") as file:
@@ -231,7 +237,9 @@ def commands() -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize(("page", "line"), commands())
 def test_every_command_that_is_shown_can_be_parsed(page: str, line: str) -> None:
-    """Options that do not exist, in a workflow file or in a sentence, are found here; nothing is run."""
+    """Options that do not exist, in a workflow file or in a sentence, are found here;
+    nothing is run.
+    """
     line = re.sub(r"\$\{\{.*?\}\}|\$\w+", "7", line)
     _, name, *arguments = shlex.split(line)
     command = main.get_command(click.Context(main), name)
@@ -283,7 +291,9 @@ def printed(output: str) -> set[str]:
 
 
 def test_every_output_that_is_shown_is_printed(reader: Reader) -> None:
-    """Each text block stands after its command; its case is compared digit by digit, other lines but for numbers."""
+    """Each text block stands after its command; its case is compared digit by digit,
+    other lines but for numbers.
+    """
     (reader.folder / "mine.py").write_text(block_in(README, "python"))
     command, shown = "", list[tuple[str, str]]()
     for kind, block in blocks_in(README):
@@ -335,7 +345,8 @@ def test_every_engine_of_the_page_has_a_block() -> None:
     assert NEEDS == ["distributed", "joblib", "ray", "zarr"]
 
 
-# Dask itself is asked in test_clusters.py. Its block and that of ray start clusters of processes, which take long.
+# Dask itself is asked in test_clusters.py. Its block and that of ray start clusters of processes,
+# which take long.
 @pytest.mark.parametrize(
     "number", [pytest.param(0, marks=pytest.mark.deep), 1, pytest.param(2, marks=pytest.mark.deep)]
 )

@@ -1,4 +1,6 @@
-"""docs/extending.md, followed to the letter in a copy of the tree: a scheme, a problem and a law are shipped."""
+"""docs/extending.md, followed to the letter in a copy of the tree: a scheme,
+a problem and a law are shipped.
+"""
 
 import re
 import shutil
@@ -89,7 +91,9 @@ def test_the_law_is_measured_for_every_class_and_for_problems_of_a_user(tree: Pa
 
 
 def test_the_law_finds_a_wrong_noise_in_every_class(tree: Path) -> None:
-    """c² in place of c: each class of systems has a scheme that is wrong so, and the law says it."""
+    """c² in place of c: each class of systems has a scheme that is wrong so, and the law says
+    it.
+    """
     code = f"""
 import sepv
 from sepv.schemes import by_name

@@ -1,4 +1,6 @@
-"""Names in prose are there: each path and each dotted name. First lines and comments on constants can be read alone."""
+"""Names in prose are there: each path and each dotted name.
+First lines and comments on constants can be read alone.
+"""
 
 import ast
 import re
@@ -15,14 +17,17 @@ FOLDERS = ("sepv", "properties", "reference", "benchmarks", "tests", "docs", "ex
 SOURCES = sorted(p for folder in FOLDERS for p in (ROOT / folder).rglob("*.py"))
 NAME = re.compile(r"(?<![\w./@-])(?:sepv|benchmarks)(?:\.[A-Za-z_]\w*)+(?![\w-]*\.(?:yml|toml|git)\b)")
 FILE = re.compile(rf"(?<![\w./-])(?:{'|'.join(FOLDERS)})/[\w./*-]*\w")
-# A key of click's context, a group of entry points and a file of asv, which are written like modules.
+# A key of click's context, a group of entry points and a file of asv, which are written like
+# modules.
 KEYS = ("sepv.words", "sepv.peers", "benchmarks.json")
 # What stands for any name, and what docs/extending.md has its reader make.
 STANDS_FOR_ANY = re.compile(r"[A-Z]{3,}|…|\b_?(?:heun|heisenberg|name|test_noise_scale)\b")
 
 
 def place(parts: list[str]) -> Path:
-    """The folder or file of a dotted name: the properties and references are installed below sepv."""
+    """The folder or file of a dotted name: the properties and references are installed below
+    sepv.
+    """
     if parts[:2] in (["sepv", "properties"], ["sepv", "reference"]):
         parts = parts[1:]
     return ROOT.joinpath(*parts)
@@ -128,7 +133,8 @@ FOLDERS_OF_CODE = sorted(
 )
 # A first line that begins so is a part of a sentence whose rest the reader has to guess.
 RIDDLE = re.compile(r"(What|Whether|Those|Of|As|The same|Its|That|This one|How|Who|Which|Where|When|Such)\b")
-# A first line or a comment of one or two plain words, such as "One path.", names nothing. A formula does.
+# A first line or a comment of one or two plain words, such as "One path.", names nothing. A formula
+# does.
 SHORT = re.compile(r"[A-Za-z-]+( [A-Za-z-]+)?\.?$")
 # Words for something that stands elsewhere: an argument, another function, a sentence before.
 POINTS_ELSEWHERE = re.compile(r"\b(so many|this word|the latter|the former|such ones)\b|^`_")

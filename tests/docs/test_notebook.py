@@ -1,4 +1,6 @@
-"""The example notebook runs from top to bottom, and what a notebook shows of results is short and drawn."""
+"""The example notebook runs from top to bottom, and what a notebook shows of results is short and
+drawn.
+"""
 
 import ast
 import json
@@ -23,7 +25,9 @@ LONGEST = 500
 
 @pytest.fixture(scope="module")
 def shown() -> list[Any]:
-    """The values of the cells' last expressions, as Jupyter takes them: its own packages are in no extra of sepv."""
+    """The values of the cells' last expressions, as Jupyter takes them:
+    its own packages are in no extra of sepv.
+    """
     scope: dict[str, Any] = {"__name__": "__main__"}
     values = []
     for cell in CELLS:

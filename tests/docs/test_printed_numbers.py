@@ -1,4 +1,6 @@
-"""Numbers in the prose of docs/, computed again; the programs in examples/ and the conversation of docs/protocol.md."""
+"""Numbers in the prose of docs/, computed again; the programs in examples/ and the conversation of
+docs/protocol.md.
+"""
 
 import re
 import shlex
@@ -43,7 +45,9 @@ def printed(page: str, *sentences: str) -> None:
 
 
 def structure_defect(problem: Problem, y: Array, h: float) -> Array:
-    """|Φ′BΦ′ᵀ − B(y1)|/|B(y1)| of (2.1) from the states y (d, M), by central differences of order six."""
+    """|Φ′BΦ′ᵀ − B(y1)|/|B(y1)| of (2.1) from the states y (d, M),
+    by central differences of order six.
+    """
     width, no_noise = 1e-3, np.zeros((1, y.shape[1]))
 
     def end(states: Array) -> Array:
@@ -84,7 +88,9 @@ def energy_errors(scheme: Scheme, problem: Problem, steps: Array) -> Array:
 
 
 def test_the_midpoint_rule_errs_in_the_mean_energy_by_a_third_power_of_h() -> None:
-    """The error over h³ by quadrature over ΔW, extrapolated to h = 0, for V = ½q² + ¼q⁴ at (p, q) = (0.7, 0.3)."""
+    """The error over h³ by quadrature over ΔW, extrapolated to h = 0,
+    for V = ½q² + ¼q⁴ at (p, q) = (0.7, 0.3).
+    """
     printed(
         "laws/invariant.md",
         "errs by h³(−σ₀²V″(q)/8 + p³V‴(q)/24) + O(h⁴) a step",
@@ -102,7 +108,9 @@ def test_the_midpoint_rule_errs_in_the_mean_energy_by_a_third_power_of_h() -> No
 
 
 def test_what_the_midpoint_rule_makes_of_a_casimir_with_damping() -> None:
-    """A step of ẏ = B∇H − γy on the rigid body, by iteration to rounding; the formula holds in each step."""
+    """A step of ẏ = B∇H − γy on the rigid body, by iteration to rounding;
+    the formula holds in each step.
+    """
     printed(
         "laws/invariant.md",
         "C(y1) = [(1 − s)²C(y0) + s C(w)]/(1 + s)²",
@@ -131,7 +139,9 @@ def along(y: Array) -> Array:
 
 
 def nodes_of_collocation(y0: Array, delta: float) -> Array:
-    """The two nodes u(c_i) of a step of collocation-2 from y0, by iteration of the equations of the method."""
+    """The two nodes u(c_i) of a step of collocation-2 from y0,
+    by iteration of the equations of the method.
+    """
     c, (tau, weights) = np.array([0.5 - 3**0.5 / 6, 0.5 + 3**0.5 / 6]), gauss_legendre(6)
     slopes = np.zeros((2, 2))
     lagrange = np.stack([(tau - c[1]) / (c[0] - c[1]), (tau - c[0]) / (c[1] - c[0])])
@@ -170,7 +180,9 @@ def test_stages_and_nodes_leave_the_convex_hull_of_an_energy_level() -> None:
 
 
 def test_an_exact_flow_at_a_time_that_depends_on_h_keeps_h_and_the_structure() -> None:
-    """Φ(y) = φ_{t(y)}(y) with t = ½ + ¼H, for the rigid body t = ½ + ¼H + ⅛|y|²: Φ′ by differences of order six."""
+    """Φ(y) = φ_{t(y)}(y) with t = ½ + ¼H, for the rigid body t = ½ + ¼H + ⅛|y|²:
+    Φ′ by differences of order six.
+    """
     printed("laws/poisson-map.md", "is the exact flow of H at another time (Ge and Marsden 1988)")
     printed("rigid-bodies.md", "Only the exact flow, at a time that may depend on H and the Casimir,")
     for problem, casimir in ((problems.pendulum(), 0.0), (problems.rigid_body(), 0.125)):
@@ -236,7 +248,8 @@ def test_how_often_a_step_from_the_orbit_is_off_the_branch() -> None:
     )
     assert away.x == pytest.approx(2.8781, abs=5e-5)
     assert away.fun < 1e-4
-    # The states are at equal times from 0 to `time`, so that they are spread evenly over one period without its end.
+    # The states are at equal times from 0 to `time`, so that they are spread evenly over one period
+    # without its end.
     found = solvability_map(problem, states=states, grid=1, time=2.8781 * (1 - 1 / states))
     shares = [1 - (1 - float(found.chances(h, 2).mean())) ** (5 / h) for h in (2.0**-4, 2.0**-5, 2.0**-6)]
     assert shares == pytest.approx([0.40, 0.055, 3.1e-4], rel=0.02)
@@ -244,7 +257,9 @@ def test_how_often_a_step_from_the_orbit_is_off_the_branch() -> None:
 
 
 def test_a_refused_step_counts_as_solvable_where_continuation_solves_it() -> None:
-    """Lotka-Volterra at h = 2⁻⁵, seed 0: the states of paths 0 and 6 before the step that the solver refused."""
+    """Lotka-Volterra at h = 2⁻⁵, seed 0: the states of paths 0 and 6 before the step that the
+    solver refused.
+    """
     states = np.full((3, 7), np.nan)
     states[:, 0] = 0.3860042498678507, 0.606756203820615, 4.536707378696373
     states[:, 6] = 0.41707576998317536, 0.3539928174349036, 4.998348913423673

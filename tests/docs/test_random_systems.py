@@ -1,4 +1,6 @@
-"""docs/random-systems.md: its test finds the planted fault, and passes for the scheme without it."""
+"""docs/random-systems.md: its test finds the planted fault, and passes for the scheme without
+it.
+"""
 
 import re
 from pathlib import Path

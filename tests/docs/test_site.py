@@ -1,4 +1,6 @@
-"""The site: built with warnings as errors, its links whole, and read by a real browser, narrow and wide."""
+"""The site: built with warnings as errors, its links whole, and read by a real browser,
+narrow and wide.
+"""
 
 import asyncio
 import json

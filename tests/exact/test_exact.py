@@ -1,4 +1,6 @@
-"""The exact flow: closed forms, the dense solve, series and enclosures, and an error that is no empty promise."""
+"""The exact flow: closed forms, the dense solve, series and enclosures,
+and an error that is no empty promise.
+"""
 
 import re
 from collections.abc import Callable
@@ -27,8 +29,9 @@ from sepv.record import _polynomial as poly
 
 DENSE, JACOBI = "Gauss collocation in panels", "Jacobi elliptic functions"
 
-# A component of φ_8(y0) to 25 digits and more, from Taylor series at 50 digits by a program that is no part of sepv.
-# The pendulum's was once noted as …3489919469626: wrong from its 18th digit on, as the second test below showed.
+# A component of φ_8(y0) to 25 digits and more, from Taylor series at 50 digits by a program that is
+# no part of sepv. The pendulum's was once noted as …3489919469626: wrong from its 18th digit on, as
+# the second test below showed.
 COMPUTED_ELSEWHERE = {
     "rigid-body": (0, "0.855297301108575742526317778"),
     "pendulum": (0, "-0.793000088603793491919694626"),
@@ -38,7 +41,9 @@ COMPUTED_ELSEWHERE = {
 
 @pytest.mark.parametrize("name", COMPUTED_ELSEWHERE)
 def test_the_flow_has_the_values_that_another_program_computed(name: str) -> None:
-    """That program started from decimal numbers such as 1.9; to round them to binary64 moves φ_8 by an ulp or two."""
+    """That program started from decimal numbers such as 1.9;
+    to round them to binary64 moves φ_8 by an ulp or two.
+    """
     component, digits = COMPUTED_ELSEWHERE[name]
     problem = problems.by_name(name)
     for dense in (False, True):
@@ -124,12 +129,15 @@ def agree(problem: sepv.Problem, y0: np.ndarray, method: str = JACOBI) -> None:
 
 @pytest.mark.parametrize("order", list(permutations((0.345, 0.653, 1.0))))
 def test_the_axes_of_a_rigid_body_may_come_in_any_order(order: tuple[float, ...]) -> None:
-    """Even permutations turn the way of the paper, odd ones the other way; the body may spin about either end."""
+    """Even permutations turn the way of the paper, odd ones the other way;
+    the body may spin about either end.
+    """
     body = problems.rigid_body(inertia=order)
     for signs in ((1, 1, 1), (-1, 1, 1), (1, -1, -1), (-1, -1, -1)):
         for y in ((0.8, 0.6, 0.1), (0.1, 0.3, 0.9), (0.3, 0.9, 0.1)):
             agree(body, np.array(signs) * y)
-    # The body whose axes P permutes turns at Py as the paper's at y, with time reversed where det P = −1.
+    # The body whose axes P permutes turns at Py as the paper's at y, with time reversed where det
+    # P = −1.
     P = np.array([[float(a == b) for b in (0.345, 0.653, 1.0)] for a in order])
     y, theta = np.array([0.8, 0.6, 0.1]), np.linspace(-3, 4, 15)
     ours, paper = (
@@ -170,7 +178,9 @@ def test_moments_of_inertia_that_are_nearly_equal_are_so_in_every_unit() -> None
 
 
 def test_the_stated_error_grows_with_the_time_and_does_not_depend_on_signs() -> None:
-    """eps(|y| + |f|(1 + |θ|)) with a factor: the condition of a formula in θ, at the worst of the times."""
+    """eps(|y| + |f|(1 + |θ|)) with a factor: the condition of a formula in θ,
+    at the worst of the times.
+    """
     oscillator, y0 = problems.harmonic_oscillator(), np.array([3.0, 0.0])
     here, there = (exact_flow(oscillator, np.array(theta), y0).error for theta in ([0.0], [0.0, 100.0]))
     assert here == pytest.approx(16 * EPS * (3 + 3), rel=4 * EPS, abs=0)
@@ -243,7 +253,8 @@ def test_functions_to_a_few_roundings(m: float, size: float) -> None:
 @pytest.mark.parametrize("amplitude", [-3.1, -1.0, 0.0, 0.5, 3.1])
 def test_the_amplitude_of_its_argument_is_the_amplitude(m: float, amplitude: float) -> None:
     u = argument(amplitude, m)
-    # Near a quarter period dn is √(1 − m): what is a rounding of u is that of the amplitude and more.
+    # Near a quarter period dn is √(1 − m): what is a rounding of u is that of the amplitude and
+    # more.
     assert jacobi(np.array([u]), m)[3][0] == pytest.approx(amplitude, abs=8 * EPS * max(1.0, abs(u)))
 
 
@@ -344,21 +355,26 @@ def panels(rate: float, stages: int, shrink: float = 1.0, end: float = 1.0) -> i
 
 
 def test_panels_shrink_where_the_series_does_not_decay_and_grow_where_it_more_than_decays() -> None:
-    """Ten times faster is ten times shorter, to a factor of two for the halving; fewer stages need more panels."""
+    """Ten times faster is ten times shorter, to a factor of two for the halving;
+    fewer stages need more panels.
+    """
     few, many = panels(2.0, 20), panels(20.0, 20)
     assert few <= 4
     assert 5 * few <= many <= 20 * few
     assert panels(2.0, 8) > 2 * few
-    # Each panel is resolved: accepted below 4 eps of the largest component, with a weight half of this.
+    # Each panel is resolved: accepted below 4 eps of the largest component, with a weight half of
+    # this.
     solution = solve_dense(rotation(20.0), np.array([1.0, 0.0]), 0.5, 20)
     last = np.abs(solution.coefficients[:, -1]).max(axis=0) / 40 * np.diff(solution.edges)
     assert last.max() < 8 * EPS
-    # A first panel that is far too short grows by a fifth each: some 20 panels to 2⁻⁸, without growth 32.
+    # A first panel that is far too short grows by a fifth each: some 20 panels to 2⁻⁸, without
+    # growth 32.
     assert 10 < panels(1.0, 20, 2.0**-12, 2.0**-8) < 24
 
 
 def test_hundreds_of_panels_cost_no_more_rounding_than_one() -> None:
-    """y₁′ = cos 40y₂ from 10⁶: each panel moves y₁ by less than 1, and half an ulp of 10⁶ a panel would be a walk.
+    """y₁′ = cos 40y₂ from 10⁶: each panel moves y₁ by less than 1,
+    and half an ulp of 10⁶ a panel would be a walk.
 
     Sums that forget what was rounded off are 10 ulp off.
     """
@@ -400,14 +416,15 @@ def test_a_solution_that_blows_up_is_followed_to_there(sign: int, start: float) 
     """y′ = y²: y = 1/(1/y0 − t). Nothing is warned about on the way."""
     f, y0 = lambda y: y * y, np.array([sign * start])
     t = sign * np.array([0.5, 0.99]) / start
-    # A relative error at t is multiplied by (1/y0)/(1/y0 − t), 100 in the end; the roundings of up to 231 panels, an
-    # eps each, are a walk: √231, and twice that.
+    # A relative error at t is multiplied by (1/y0)/(1/y0 − t), 100 in the end; the roundings of up
+    # to 231 panels, an eps each, are a walk: √231, and twice that.
     ends = sign * start / np.array([0.5, 0.01])
     assert solve_dense(f, y0, t[-1], 20)(t)[0] == pytest.approx(ends, rel=100 * 30 * EPS, abs=0)
     with pytest.raises(FlowFailure, match=r"^The exact flow was followed to") as error:
         solve_dense(f, y0, 1.5 * sign / start, 20)
-    # A rounding of y moves the end by no more than eps. Panels take a quarter of the way to it and more (20 terms then
-    # decay to 4 eps), until that is 10⁻¹³(1 + θ) ≤ 2·10⁻¹³ of the way from 0: what is left is four times as much.
+    # A rounding of y moves the end by no more than eps. Panels take a quarter of the way to it and
+    # more (20 terms then decay to 4 eps), until that is 10⁻¹³(1 + θ) ≤ 2·10⁻¹³ of the way from 0:
+    # what is left is four times as much.
     assert reached(error) * sign * start == pytest.approx(1.0, rel=8e-13, abs=0)
 
 

@@ -1,4 +1,6 @@
-"""The examples in C, C++, Fortran and Octave, each built and run if its tools are on the machine."""
+"""The examples in C, C++, Fortran and Octave, each built and run if its tools are on the
+machine.
+"""
 
 import shutil
 import subprocess
@@ -12,7 +14,8 @@ from sepv import external, problems, schemes, verify
 from sepv.verification import LAWS, Effort
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-# How each example is built in a folder, and the command that runs it: (tools, commands, program, scheme of sepv).
+# How each example is built in a folder, and the command that runs it: (tools, commands, program,
+# scheme of sepv).
 BUILT = {
     "C": (
         ("cc",),
@@ -48,7 +51,9 @@ BUILT = {
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[str, str]]:
-    """A function that builds an example once, and returns its command and the name of sepv's own scheme."""
+    """A function that builds an example once, and returns its command and the name of sepv's own
+    scheme.
+    """
     commands: dict[str, str] = {}
 
     def make(name: str) -> tuple[str, str]:

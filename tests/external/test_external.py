@@ -1,5 +1,6 @@
-"""The door for other languages: real children, well-behaved and not. Whatever one does, it ends as an error
-of its own, soon, and no process is left."""
+"""The door for other languages: real children, well-behaved and not. Whatever one does,
+it ends as an error of its own, soon, and no process is left.
+"""
 
 import shlex
 import signal
@@ -28,7 +29,8 @@ SOON = 30.0
 PATIENT = {"call_timeout": 20.0, "start_timeout": 20.0}
 SHORT = 0.5
 
-# What the children start with: every process notes its number, so that the test can look for it afterwards.
+# What the children start with: every process notes its number, so that the test can look for it
+# afterwards.
 PREAMBLE = """
 import json, os, signal, sys, time
 from pathlib import Path
@@ -51,7 +53,9 @@ def states(message):
 
 @pytest.fixture
 def child(tmp_path):
-    """A function that makes a command of a child's code; in the end none of its processes may live."""
+    """A function that makes a command of a child's code; in the end none of its processes may
+    live.
+    """
     script = tmp_path / "child.py"
 
     def make(code: str) -> str:
@@ -268,7 +272,8 @@ def test_a_signal_to_sepv_ends_the_program_too(child, number):
         "    print('ready', flush=True)\n"
         "    scheme.step(problems.harmonic_oscillator(), np.ones(2), 0.5, np.ones(1))"
     )
-    # A shell that starts jobs in the background has them ignore SIGINT, and nohup SIGHUP: here they shall not.
+    # A shell that starts jobs in the background has them ignore SIGINT, and nohup SIGHUP: here they
+    # shall not.
     default = signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
     before = signal.signal(number, default)
     process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
@@ -341,7 +346,8 @@ def test_a_program_that_skips_everything_violates_nothing_and_holds_nothing(chil
 
 
 def test_a_program_without_polynomial_data_is_judged_on_the_problems_that_it_names(child):
-    # A search over polynomials would be skipped 117 times and ask 8 cases. The child stays where it is.
+    # A search over polynomials would be skipped 117 times and ask 8 cases. The child stays where it
+    # is.
     command = child("hello(problems=['rigid-body', 'unheard-of'])\nwhile m := read(): states(m)")
     with load_program(command, **PATIENT) as scheme:
         assert scheme.problems == ("rigid-body",)

@@ -1,4 +1,6 @@
-"""The suite detects: every saboteur is killed, every law is needed, and faults that real programs had are found."""
+"""The suite detects: every saboteur is killed, every law is needed,
+and faults that real programs had are found.
+"""
 
 import math
 from io import StringIO
@@ -57,8 +59,8 @@ def expected(name: str) -> list[str]:
     return [law for law in ALL_LAWS if law in laws]
 
 
-# Found in one of thousands of steps or after hundreds of them: five to fourteen seconds each. Others of the same family
-# and law are killed each time, as the next test says.
+# Found in one of thousands of steps or after hundreds of them: five to fourteen seconds each.
+# Others of the same family and law are killed each time, as the next test says.
 RARELY_WRONG = (
     "refuses-once", "integers-at-rest", "draws-if-refused", "roundings-of-all-paths", "off-each-five-thousandth",
     "still-near-rest", "thousandth-call", "b-of-the-step-before", "midpoint-once", "silent-cap",
@@ -73,7 +75,8 @@ def test_each_law_that_kills_rare_faults_kills_others_in_every_run(law: str) -> 
 
 @pytest.mark.parametrize("name", but_deep(SABOTEURS, *RARELY_WRONG))
 def test_each_saboteur_is_killed_by_a_law_that_theory_names(name: str) -> None:
-    # By one of the laws that theory names with one of two seeds; `sepv teeth --matrix --first` asks for each of ten.
+    # By one of the laws that theory names with one of two seeds; `sepv teeth --matrix --first` asks
+    # for each of ten.
     laws = ALL_LAWS if name in ON_PATHS_ALONE else expected(name)
     asked = (fault_detection.detect(name, seed, laws, first=True) for seed in range(2))
     # What paths alone show is found before the laws that theory does not name are asked.

@@ -1,4 +1,6 @@
-"""What strangers may write into the files of a page, the pages that are made of it, and a reader of pages."""
+"""What strangers may write into the files of a page, the pages that are made of it,
+and a reader of pages.
+"""
 
 from functools import cache
 from itertools import product

@@ -1,4 +1,6 @@
-"""The HTML page, of many schemes and of one: complete, accessible, small, inert whatever strangers put into files."""
+"""The HTML page, of many schemes and of one: complete, accessible, small,
+inert whatever strangers put into files.
+"""
 
 import base64
 import copy
@@ -308,7 +310,9 @@ def test_every_scheme_of_the_paper_has_a_look_of_its_own_and_strangers_another()
 
 
 def test_a_browser_runs_nothing_of_it(tmp_path: Path) -> None:
-    """Chromium's own reading of the hostile page: no element of a stranger, the title ours, the policy obeyed."""
+    """Chromium's own reading of the hostile page: no element of a stranger, the title ours,
+    the policy obeyed.
+    """
     page = tmp_path / "page.html"
     command = [*chromium(tmp_path / "profile"), "--enable-logging=stderr", "--dump-dom", page.as_uri()]
     page.write_text(hostile_page(), encoding="utf-8")
@@ -509,7 +513,9 @@ def test_a_share_and_memory_are_said_as_the_table_says_them(report: sepv.Report)
 
 
 def test_two_reports_of_one_scheme_show_what_changed(tmp_path: Path) -> None:
-    """A scheme whose energy breaks between two runs, under one name; a third report equals the second."""
+    """A scheme whose energy breaks between two runs, under one name;
+    a third report equals the second.
+    """
     few = sepv.Effort(examples=2, shrink_checks=5)
     laws = "energy,casimir,truncation"
 
@@ -540,7 +546,9 @@ def test_two_reports_of_one_scheme_show_what_changed(tmp_path: Path) -> None:
 def test_results_for_asv_are_of_the_commit_and_keep_those_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The layout that asv 0.6 reads: one row of columns for each benchmark, with a version of its parameters."""
+    """The layout that asv 0.6 reads: one row of columns for each benchmark,
+    with a version of its parameters.
+    """
     report = sepv.verify("midpoint", laws="energy,truncation", effort=Effort(examples=2, shrink_checks=5))
     (tmp_path / "r.json").write_text(json.dumps({"made": made("report")} | report.to_json()))
     monkeypatch.chdir(tmp_path)

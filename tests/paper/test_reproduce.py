@@ -1,4 +1,6 @@
-"""The reproduction of the paper's figures, with verdicts that can fail, and what does not hold as printed."""
+"""The reproduction of the paper's figures, with verdicts that can fail,
+and what does not hold as printed.
+"""
 
 import csv
 import html
@@ -82,7 +84,9 @@ def test_the_numbers_do_not_depend_on_the_workers() -> None:
 
 
 def test_a_broken_scheme_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Euler-Maruyama under the name of the energy-preserving scheme: nothing that the paper says of it holds then."""
+    """Euler-Maruyama under the name of the energy-preserving scheme:
+    nothing that the paper says of it holds then.
+    """
     monkeypatch.setitem(schemes.PAPER, "energy-preserving", schemes.PAPER["euler-maruyama"])
     run = runs.long_run("energy-preserving", "rigid-body", h=0.01, steps=300, seed=0, engine="numpy")
     for what in ("energy", "Casimir"):
@@ -194,10 +198,13 @@ def strong_errors_of(rows: int) -> StrongErrors:
 
 
 def test_an_interval_of_an_rms_error_is_that_of_its_samples() -> None:
-    """Normal errors with rms σ√3: the standard error of √mean(|e|²) over M samples is σ/√(2M) to first order."""
+    """Normal errors with rms σ√3: the standard error of √mean(|e|²) over M samples is σ/√(2M)
+    to first order.
+    """
     curve = rms_points("x", [0.1], strong_errors_of(rows=1).squared, "milstein")
     assert curve.y[0] == pytest.approx(np.sqrt(3) / 8, rel=0.1)
-    # Student's quantile for 31 degrees of freedom at 97.5 % is 2.04; a jackknife of 32 groups scatters by an eighth.
+    # Student's quantile for 31 degrees of freedom at 97.5 % is 2.04; a jackknife of 32 groups
+    # scatters by an eighth.
     assert curve.half[0] == pytest.approx(2.04 / 8 / np.sqrt(512), rel=0.4)
     drawn = axes_with([curve])
     (bars,) = drawn.containers
@@ -240,7 +247,9 @@ def test_verdicts_exclude_each_other_and_leave_room_between() -> None:
 
 
 def _walking(T: float, kind: str, seed: int) -> runs.Run:
-    """32 samples whose energy error is a random walk, or bounded: an oscillation of random amplitude and phase."""
+    """32 samples whose energy error is a random walk, or bounded:
+    an oscillation of random amplitude and phase.
+    """
     rng, h, samples = np.random.default_rng(seed), figures_4_4_and_4_5.H, 32
     steps = round(T / h)
     checkpoints = np.array([*(2**i for i in range(steps.bit_length()) if 2**i < steps), steps])
@@ -257,7 +266,9 @@ def _walking(T: float, kind: str, seed: int) -> runs.Run:
 
 
 def test_a_short_run_does_not_say_whether_the_energy_walks() -> None:
-    """By chance once in a thousand: of 40 runs of each kind none says the wrong thing, and short ones say nothing."""
+    """By chance once in a thousand: of 40 runs of each kind none says the wrong thing,
+    and short ones say nothing.
+    """
 
     def said(T: float, kind: str) -> list[str]:
         return [figures_4_4_and_4_5._walk(_walking(T, kind, seed)).verdict for seed in range(40)]
@@ -271,7 +282,9 @@ def test_a_short_run_does_not_say_whether_the_energy_walks() -> None:
 
 
 def test_a_quick_figure_4_4_refutes_nothing_that_the_paper_says(tmp_path: Path) -> None:
-    """A share of 1/32 of the time, t ≤ 15.6: what it is too short for is open, and exponents of it decide nothing."""
+    """A share of 1/32 of the time, t ≤ 15.6: what it is too short for is open,
+    and exponents of it decide nothing.
+    """
     file = tmp_path / "quick.json"
     command(f"reproduce 4.4 --quick --engine numpy --workers 1 --json {file}")
     panels = json.loads(file.read_text())["panels"]
@@ -284,7 +297,9 @@ def test_a_quick_figure_4_4_refutes_nothing_that_the_paper_says(tmp_path: Path) 
 
 
 def test_a_drift_that_symplecticity_does_not_leave_refutes_the_papers_sentence() -> None:
-    """Made errors: the walk of theory, and a drift of that size, of another, or too small to be seen."""
+    """Made errors: the walk of theory, and a drift of that size, of another,
+    or too small to be seen.
+    """
     times, rng = 2.0 ** np.arange(10), np.random.default_rng(0)
     verdicts = {}
     theories = {

@@ -9,7 +9,6 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import gamma, ndtr
-from sepv.properties._orders.several_fields import heun
 
 from sepv import exact_flow, problems
 from sepv.exact._dense_flow import FlowFailure
@@ -97,7 +96,7 @@ def test_areas_keep_the_energy_whatever_they_are_and_bring_order_one() -> None:
     assert abs(problem.hamiltonian(y1) - problem.hamiltonian(y)) < 1e-15
     # A wrong sign of the areas leaves the order at one half.
     start, fine = y, wiener.increments(0, T=0.5, steps=1024, noises=2, paths=range(32))
-    exact = heun(problem, start, 0.5, fine)
+    exact = extensions.heun(problem, start, 0.5, fine)
     off = []
     for sign in (1.0, -1.0):
         z = np.repeat(start[:, None], 32, axis=1)
@@ -165,7 +164,8 @@ def _third(B: list[list[Poly]], g: list[Poly], y: np.ndarray, nodes: dict[Fracti
 
 
 def test_the_coefficients_of_both_schemes_differ_by_a_24th_of_the_curvature_of_the_gradient_exactly() -> None:
-    """c − c̃ = (1/24) B g″(f, f) in rational arithmetic, for random H and skew B in three variables.
+    """c − c̃ = (1/24) B g″(f, f) in rational arithmetic,
+    for random H and skew B in three variables.
 
     Up to Δ³ the average over τ sees g up to second order, for which Simpson's rule is exact.
     """
@@ -194,7 +194,9 @@ def test_the_coefficients_of_both_schemes_differ_by_a_24th_of_the_curvature_of_t
 
 
 def test_the_coefficients_are_bounded_along_paths_by_a_constant_that_does_not_depend_on_h() -> None:
-    """Remark 3.3: sup |a|, |b|, |c| along paths of (2.1) are those of the exact orbit, on which the paths lie."""
+    """Remark 3.3: sup |a|, |b|, |c| along paths of (2.1) are those of the exact orbit,
+    on which the paths lie.
+    """
     for name, period in (("pendulum", 6.73), ("rigid-body", 20.0)):
         problem = problems.by_name(name)
 
@@ -214,9 +216,11 @@ def test_the_coefficients_are_bounded_along_paths_by_a_constant_that_does_not_de
 
 
 def test_with_bounded_derivatives_alone_the_coefficients_have_no_such_bound() -> None:
-    """Remark 3.3 needs B and ∇H bounded themselves: B = y1 J⁻¹, H = −y2 has f = (y1, 0), and a = y1 grows along steps.
+    """Remark 3.3 needs B and ∇H bounded themselves: B = y1 J⁻¹, H = −y2 has f = (y1, 0),
+    and a = y1 grows along steps.
 
-    (2.1) multiplies y1 by (1 + Δ/2)/(1 − Δ/2). The largest of N = 1/h steps with the largest increment of k = 2.
+    (2.1) multiplies y1 by (1 + Δ/2)/(1 − Δ/2). The largest of N = 1/h steps with the largest
+    increment of k = 2.
     """
     B, H = (lambda y: y[0] * structure(y)), (lambda y: -y[1])
     problem = Problem(2, B, H, noise=(1.0,), initial=(1.0, 0.0))
@@ -234,7 +238,8 @@ def test_with_bounded_derivatives_alone_the_coefficients_have_no_such_bound() ->
 def test_for_large_steps_the_scheme_has_several_solutions_and_for_small_ones_a_single_one() -> None:
     """The pendulum from (p, q) = (0, π): δ = q1 − q0 solves δ = ±Δ sin(δ/2), and p1 = 2δ/Δ.
 
-    Δ = 2.2 is within reach of Remark 2.1 for h = ½ < 1 with the noises of §4.3. Each solution keeps H.
+    Δ = 2.2 is within reach of Remark 2.1 for h = ½ < 1 with the noises of §4.3. Each solution
+    keeps H.
     """
     problem = problems.pendulum()
     h = 0.5
@@ -261,8 +266,10 @@ def test_for_large_steps_the_scheme_has_several_solutions_and_for_small_ones_a_s
 
 
 def test_a_solution_exists_for_all_time_only_where_the_flow_does_in_both_directions() -> None:
-    """(1.1): θ = t + cW reaches −x with probability e^(−2x/c²). H = pq² has q = q0/(1 − q0θ): for q0 = −1 the flow
-    exists for all θ > −1, and the solution with probability 1 − e⁻² for c = 1 only."""  # fmt: skip
+    """(1.1): θ = t + cW reaches −x with probability e^(−2x/c²). H = pq² has q = q0/(1 − q0θ): for
+    q0 = −1 the flow exists for all θ > −1, and the solution with probability 1 − e⁻² for c = 1
+    only.
+    """  # fmt: skip
     problem = Problem(
         dimension=2, structure=structure, hamiltonian=lambda y: y[0] * y[1] ** 2,
         noise=(1.0,), initial=(1.0, -1.0),
@@ -275,7 +282,9 @@ def test_a_solution_exists_for_all_time_only_where_the_flow_does_in_both_directi
 
 @pytest.mark.parametrize("p", [1.0, 1.5, 2.5, 6.0, 12.0])
 def test_lemma_3_1_holds_for_any_p_with_the_constant_of_the_normal_law(p: float) -> None:
-    """(E|ΔŴ|^p)^{1/p} ≤ C_p h^½, C_p = √2 (Γ((p + 1)/2)/√π)^{1/p}, with equality for ΔW; k = 2, h < 1."""
+    """(E|ΔŴ|^p)^{1/p} ≤ C_p h^½, C_p = √2 (Γ((p + 1)/2)/√π)^{1/p}, with equality for ΔW; k = 2,
+    h < 1.
+    """
     constant = np.sqrt(2) * (gamma((p + 1) / 2) / np.sqrt(np.pi)) ** (1 / p)
     for h in (0.9, 0.5, 2.0**-6, 2.0**-12):
         for A in (truncation_bound(h, 2), 40.0):

@@ -1,4 +1,6 @@
-"""The compliance table of other libraries' solvers, the scripts that show deviations, and the records of versions."""
+"""The compliance table of other libraries' solvers, the scripts that show deviations,
+and the records of versions.
+"""
 
 import ast
 import json
@@ -156,7 +158,9 @@ def test_only_scripts_that_still_show_a_deviation_are_quoted(tmp_path: Path) -> 
 
 @pytest.mark.parametrize("script", sorted((DOCS / "peers").glob("*.py")), ids=lambda p: p.stem)
 def test_every_script_is_quoted_on_the_page(script: Path) -> None:
-    """Its statement, the library's own words, the measurement: on deviations.md or on integrator-deviations.md."""
+    """Its statement, the library's own words, the measurement:
+    on deviations.md or on integrator-deviations.md.
+    """
     pages = {name: (DOCS / name).read_text("utf-8") for name in deviations.TITLES}
     (name,) = (name for name, text in pages.items() if f"peers/{script.name}) prints" in text)
     page = pages[name]
@@ -318,7 +322,9 @@ def test_peers_lists_its_records_and_leaves_alone_what_is_recorded(tmp_path: Pat
 
 
 def test_a_version_that_cannot_be_installed_is_said_so_without_an_address(tmp_path, monkeypatch):
-    """A program in uv's place that fails as uv does where it has no index, and prints an address."""
+    """A program in uv's place that fails as uv does where it has no index, and prints an
+    address.
+    """
     uv = tmp_path / "uv"
     uv.write_text("#!/bin/sh\necho 'error: no solution found: https://index.example/sdeint/' >&2\nexit 1\n")
     uv.chmod(0o755)

@@ -1,4 +1,6 @@
-"""Other libraries' solvers through their own code, skipped where missing, and problems posed in their arrays."""
+"""Other libraries' solvers through their own code, skipped where missing,
+and problems posed in their arrays.
+"""
 
 import importlib.util
 import re
@@ -59,7 +61,9 @@ def test_heun_converges_to_the_stratonovich_solution_and_does_not_keep_the_energ
 
 @pytest.mark.parametrize("name", ["stratHeun", "itoEuler"])
 def test_an_adapter_of_sdeint_runs_its_own_code(name: str) -> None:
-    """Euler's rule of Itô's kind gets Stratonovich's coefficients, as a user would hand them over by mistake."""
+    """Euler's rule of Itô's kind gets Stratonovich's coefficients,
+    as a user would hand them over by mistake.
+    """
     sdeint, module = pytest.importorskip("sdeint"), adapter("sdeint")
     problem, h, dW = problems.pendulum(), 0.1, np.array([0.2, -0.1])
     y, integrator = np.asarray(problem.initial), getattr(sdeint, name)
@@ -237,7 +241,8 @@ def test_a_problem_in_another_namespace_is_the_same_problem(case: Case) -> None:
     size = np.abs(problem.structure(y)) @ np.abs(problem.gradient(y)) + np.abs(y).max() + 1
     for padded in (True, False):
         formulas, numbers = pose(problem, padded=padded)
-        # Both sum the same few dozen terms, in different orders; cancellation inside B and ∇H is covered by the 1.
+        # Both sum the same few dozen terms, in different orders; cancellation inside B and ∇H is
+        # covered by the 1.
         assert np.all(np.abs(formulas.field(np, numbers, y) - vector_field(problem, y)) <= 1e-13 * size)
 
 
@@ -267,7 +272,9 @@ def test_powers_that_no_monomial_has_do_not_overflow() -> None:
 
 
 def test_what_is_not_given_as_data_is_asked_as_data_instead() -> None:
-    """A step that needs data skips systems shown as functions: the law then shows the same system as data."""
+    """A step that needs data skips systems shown as functions:
+    the law then shows the same system as data.
+    """
 
     def step(problem: sepv.Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
         formulas, numbers = pose(problem)
@@ -303,7 +310,9 @@ def test_a_wide_table_has_the_same_field_and_leaves_the_further_variables(case: 
 
 
 def test_the_laws_give_a_wide_step_few_shapes() -> None:
-    """JAX compiles a step once for each shape: more than 250 times in a whole run of a step without blocks."""
+    """JAX compiles a step once for each shape: more than 250 times in a whole run of a step without
+    blocks.
+    """
     shapes = set()
 
     def step(problem: sepv.Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
@@ -326,7 +335,9 @@ def test_the_laws_give_a_wide_step_few_shapes() -> None:
 def test_single_precision_is_refused_with_the_switch_that_helps(
     double: bool | None, remedy: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """JAX is named where it is loaded and computes in float32; then NumPy's arrays are asked for with it."""
+    """JAX is named where it is loaded and computes in float32;
+    then NumPy's arrays are asked for with it.
+    """
     jax = None if double is None else SimpleNamespace(config=SimpleNamespace(jax_enable_x64=double))
     monkeypatch.setitem(sys.modules, "jax", jax)
     single = sepv.Scheme("single", lambda p, y, h, dW: y.astype(np.float32))

@@ -1,4 +1,6 @@
-"""Drivers and integrators of other libraries, skipped where missing, and the table of orders for general noise."""
+"""Drivers and integrators of other libraries, skipped where missing,
+and the table of orders for general noise.
+"""
 
 import ast
 import math
@@ -222,8 +224,9 @@ def test_drivers_converge_to_the_exact_solution_with_their_order(name: str, orde
     found = compare([method], problems.rigid_body(), steps=steps, paths=128, repeats=1)
     errors = [p.strong.value for p in found.points]
     slope = float(np.log2(errors[0] / errors[-1]) / 2)
-    # Order p of an ordinary method in the random step is mean-square order p/2, for even p (Milstein's theorem),
-    # and (p − 1)/2 at least for odd ones. No confidence is claimed: the paths are fixed, and so is the slope.
+    # Order p of an ordinary method in the random step is mean-square order p/2, for even p
+    # (Milstein's theorem), and (p − 1)/2 at least for odd ones. No confidence is claimed: the paths
+    # are fixed, and so is the slope.
     least = order if order < 2 else order / 2 - 0.5
     assert least - 0.25 <= slope
     assert all(p.failures == 0 for p in found.points)
@@ -273,7 +276,8 @@ def test_a_library_is_given_masses_and_forces_in_either_order_of_y(name: str) ->
         assert np.allclose(y1, leapfrog.step(problem, y, h, np.zeros(problem.noises)), rtol=0, atol=4e-15)
 
 
-# *contract* calls every step of the library hundreds of times more, and other tests ask it of schemes that do so too.
+# *contract* calls every step of the library hundreds of times more, and other tests ask it of
+# schemes that do so too.
 @pytest.mark.parametrize(
     "laws", ["poisson-map:constant,symmetry", pytest.param("contract", marks=pytest.mark.deep)]
 )

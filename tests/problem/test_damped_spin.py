@@ -1,4 +1,6 @@
-"""A spin with damping and field noise: its fields, what its steps keep, and the distribution that it samples."""
+"""A spin with damping and field noise: its fields, what its steps keep,
+and the distribution that it samples.
+"""
 
 from typing import Any
 
@@ -45,7 +47,9 @@ def test_the_scheme_for_several_structures_is_the_implicit_midpoint_rule_and_kee
 
 
 def test_it_samples_the_boltzmann_distribution_on_the_sphere() -> None:
-    """⟨y₃⟩ = coth x − 1/x with x = b/kT, for E = −b y₃; five standard errors of 2048 paths (a false alarm in 2e6)."""
+    """⟨y₃⟩ = coth x − 1/x with x = b/kT, for E = −b y₃;
+    five standard errors of 2048 paths (a false alarm in 2e6).
+    """
     problem = damped_spin(RATE, KT, field=(0.0, 0.0, 0.5), anisotropy=0.0)
     ends = sepv.ensemble("several-structures", problem, h=0.125, T=16.0, paths=2048, seed=11).y[2]
     assert np.mean(ends) == pytest.approx(1 / np.tanh(2.0) - 0.5, abs=5 * np.std(ends) / np.sqrt(2048))

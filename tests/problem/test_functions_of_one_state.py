@@ -1,4 +1,6 @@
-"""Functions of one state alone, and constant matrices, are accepted; what cannot be mended is refused."""
+"""Functions of one state alone, and constant matrices, are accepted;
+what cannot be mended is refused.
+"""
 
 import pickle
 from collections.abc import Callable

@@ -1,4 +1,6 @@
-"""Several Hamiltonians: the record, its brackets and Itô form, data, areas, references, and the orders of schemes."""
+"""Several Hamiltonians: the record, its brackets and Itô form, data, areas, references,
+and the orders of schemes.
+"""
 
 import pickle
 from dataclasses import replace
@@ -147,13 +149,15 @@ def test_the_log_flow_is_exact_where_fields_commute() -> None:
 
 
 def test_the_reference_agrees_with_another_one_to_what_it_says() -> None:
-    """Twice as fine: both are off by what they say at most, three times for the root mean square of 64 paths."""
+    """Twice as fine: both are off by what they say at most,
+    three times for the root mean square of 64 paths.
+    """
     problem = problems.random_inertia()
     y0 = np.asarray(problem.initial)
     rough, y, apart = refined(problem, y0, 0.5, 32, range(64), 7, order=1.0)
     fine = areas.drawn(7, T=0.5, steps=1024, noises=2, paths=range(64))
-    # The increments are the same path's; its areas over 256 steps are drawn again, so that of this one only a coarse
-    # reference is made.
+    # The increments are the same path's; its areas over 256 steps are drawn again, so that of this
+    # one only a coarse reference is made.
     assert np.allclose(fine.coarse(256).dW, rough.dW, atol=1e-15)
     from sepv.properties._orders.log_ode import path
 
@@ -197,7 +201,9 @@ def test_laws_about_h_say_that_it_is_not_kept() -> None:
 
 
 def test_random_species_stay_positive_or_not() -> None:
-    """Exact flows and logarithms keep the octant of every Lotka-Volterra system, an explicit step does not."""
+    """Exact flows and logarithms keep the octant of every Lotka-Volterra system,
+    an explicit step does not.
+    """
     for scheme in (schemes.stochastic_splitting, schemes.darboux_lie):
         whole = replace(scheme, name="for the class", problems=(), systems=Systems.HAMILTONIANS)
         assert says(whole, "positivity", "holds", **QUICK).checks >= QUICK["examples"]
@@ -214,7 +220,9 @@ def test_random_species_stay_positive_or_not() -> None:
 
 
 def _explicit(problem: Problem, y: Array, h: float, dW: Array, share: float) -> Array:
-    """A Runge-Kutta method of two stages: the explicit midpoint rule for a share of ½, Heun's for 1."""
+    """A Runge-Kutta method of two stages: the explicit midpoint rule for a share of ½,
+    Heun's for 1.
+    """
     state, noise = as_lanes(problem, y, h, dW)
     parts = each_noise(problem, h, noise)
     first = combined_field(problem, state, parts)
@@ -223,7 +231,9 @@ def _explicit(problem: Problem, y: Array, h: float, dW: Array, share: float) -> 
 
 
 def _one_sided(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Milstein's terms ½ΔW_iΔW_j g_j′g_i by differences over √h, which leave ½√h g_j″(g_i, g_i) in them."""
+    """Milstein's terms ½ΔW_iΔW_j g_j′g_i by differences over √h, which leave ½√h g_j″(g_i, g_i)
+    in them.
+    """
     state, noise = as_lanes(problem, y, h, dW)
     value = state + combined_field(problem, state, each_noise(problem, h, noise))
     for i, j in product(range(problem.noises), repeat=2):
@@ -257,7 +267,9 @@ STRONG, WEAK = Orders(0.5, commutative=1.0), Orders(1.0, additive=2.0)
     ids=["explicit-midpoint", "heun", "one-sided", "without cross terms"],
 )  # fmt: skip
 def test_default_problems_show_errors_that_symmetric_ones_hide(step, orders, law, verdict, hiding):
-    """Of pushed momenta, of linear noise fields, and of noises apart, the wrong claims would seem right."""
+    """Of pushed momenta, of linear noise fields, and of noises apart,
+    the wrong claims would seem right.
+    """
     scheme = Scheme("own", step, systems=Systems.HAMILTONIANS, truncation=None, batched=True, **orders)
     says(scheme, law, verdict)
     says(replace(scheme, problems=hiding), law, "holds")

@@ -1,4 +1,6 @@
-"""Mechanical systems in parts as libraries want them, bodies that attract each other, and Lie algebras of matrices."""
+"""Mechanical systems in parts as libraries want them, bodies that attract each other,
+and Lie algebras of matrices.
+"""
 
 import numpy as np
 import pytest
@@ -22,7 +24,9 @@ NAMED = (
 
 
 def agrees(problem: Problem, y: np.ndarray) -> None:
-    """The parts make H and the field again, for a state and a batch, and conversions are inverse to each other."""
+    """The parts make H and the field again, for a state and a batch,
+    and conversions are inverse to each other.
+    """
     m = mechanics(problem)
     q, p = m.split(y)
     v, f = m.velocity(p), m.force(q)
@@ -169,8 +173,9 @@ def test_eigenvalues_are_kept_by_the_isospectral_rule_at_any_step(name: str) -> 
 
 
 def test_the_midpoint_rule_loses_the_third_casimir_by_a_formula() -> None:
-    """tr P_1³ − tr P_0³ = ¼ tr (P_1 − P_0)³: odd powers about the middle, where ∇C·z = 0. So h² a path without noise,
-    h with noise, whose steps have a length of √h each."""  # fmt: skip
+    """tr P_1³ − tr P_0³ = ¼ tr (P_1 − P_0)³: odd powers about the middle, where ∇C·z = 0. So h² a
+    path without noise, h with noise, whose steps have a length of √h each.
+    """  # fmt: skip
     problem = problems.su3_top()
     rng = np.random.default_rng(2)
     y = np.repeat(np.array(problem.initial)[:, None], 20, axis=1)

@@ -1,7 +1,9 @@
-"""Classes beside (1.1): systems given by g and C, damped systems, and additive noise outside the image of B.
+"""Classes beside (1.1): systems given by g and C, damped systems,
+and additive noise outside the image of B.
 
-Of additive noise the abstract of D. Cohen and G. Vilmart (arXiv 2005.13991) states that their scheme has the exact
-drift of H and C. The problem and the numbers are our own: of the paper the abstract and the introduction were read.
+Of additive noise the abstract of D. Cohen and G. Vilmart (arXiv 2005.13991) states that their
+scheme has the exact drift of H and C. The problem and the numbers are our own: of the paper the
+abstract and the introduction were read.
 """
 
 from dataclasses import replace
@@ -88,8 +90,8 @@ PATHS = 200
 def test_conformal_has_order_one_against_the_flow_at_a_time_of_the_whole_path() -> None:
     """y(T) = e^{−γT}φ_θ(y0), θ = ∫e^{−κγs}(ds + c dW), κ = 1 for the rigid body.
 
-    θ is a sum over steps of 2⁻¹¹, whose error is h_fine/√12·κγ of the size of W: 1e-4. A scheme of order ½ would have a
-    ratio of 2 and one of order 1 has 4: 200 paths measure it to some per cent.
+    θ is a sum over steps of 2⁻¹¹, whose error is h_fine/√12·κγ of the size of W: 1e-4. A scheme of
+    order ½ would have a ratio of 2 and one of order 1 has 4: 200 paths measure it to some per cent.
     """
     top = problems.damped_top()
     gamma, T, fine = 0.5, 1.0, 2048
@@ -218,7 +220,9 @@ def test_they_are_measured_of_functions_too() -> None:
 
 
 def test_euler_maruyama_misses_the_mean_of_a_casimir_by_what_theory_says() -> None:
-    """C = |y|² and f ⊥ y: E[C(y1)] − C(y0) − hσ is h²|f(y0)|² of the explicit scheme, −h²E|f(y1)|² of the implicit."""
+    """C = |y|² and f ⊥ y: E[C(y1)] − C(y0) − hσ is h²|f(y0)|² of the explicit scheme,
+    −h²E|f(y1)|² of the implicit.
+    """
     problem, h = body(), 2.0**-6
     f = vector_field(problem, np.asarray(problem.initial))
     explicit, implicit = (casimir_change(scheme(s), problem, h) for s in (euler_maruyama, implicit_euler))

@@ -1,4 +1,6 @@
-"""Problems: the paper's four, data that travels, contradictions, what is derived from B and H, and averages of ∇H."""
+"""Problems: the paper's four, data that travels, contradictions, what is derived from B and H,
+and averages of ∇H.
+"""
 
 import json
 import pickle
@@ -88,7 +90,9 @@ def bare(given: sepv.Problem, **changes) -> sepv.Problem:
     "name", [*problems.PAPER, *problems.EXTENSIONS, *problems.SEVERAL, *problems.HAMILTONIANS]
 )
 def test_the_parts_of_every_problem_by_name_belong_together(name) -> None:
-    """B skew, ∇H of H, H″ of ∇H, B′ of B, Casimirs: those that are derived, and those that are written."""
+    """B skew, ∇H of H, H″ of ∇H, B′ of B, Casimirs: those that are derived,
+    and those that are written.
+    """
     check_problem(problems.by_name(name))
 
 
@@ -205,7 +209,8 @@ def test_nodes_and_weights_are_correctly_rounded(n: int) -> None:
             p, slope = legendre(x)
             x -= p / slope
         slope = legendre(x)[1]
-        # The nodes below ½ are 1 minus those above, which are correctly rounded: symmetry matters more.
+        # The nodes below ½ are 1 minus those above, which are correctly rounded: symmetry matters
+        # more.
         assert points[k] == (float((1 + x) / 2) if 2 * k + 1 >= n else 1 - float((1 - x) / 2))
         assert weights[k] == float(1 / ((1 - x * x) * slope * slope))
 
@@ -241,7 +246,9 @@ def test_polynomials_take_the_fewest_nodes_that_are_exact(degree: int) -> None:
 
 
 def steep(*widths: float) -> tuple[Problem, np.ndarray, np.ndarray]:
-    """∇H = (1/(y1 + y2), 0) with y2 = w and y1 from 0 to 1, a lane for each w: the nearer the pole, the more nodes."""
+    """∇H = (1/(y1 + y2), 0) with y2 = w and y1 from 0 to 1, a lane for each w: the nearer the pole,
+    the more nodes.
+    """
     w = np.array(widths)
     problem = replace(
         problems.harmonic_oscillator(),
@@ -280,7 +287,8 @@ def test_the_ladder_climbs_as_far_as_a_lane_needs_and_counts_its_rungs() -> None
 
 
 def test_rules_that_differ_by_the_rounding_of_their_argument_agree_and_a_kink_does_not() -> None:
-    """sin q near 10⁶ is off by eps·10⁶, far more than a rounding of its own; the mean of sign p has no digits.
+    """sin q near 10⁶ is off by eps·10⁶, far more than a rounding of its own;
+    the mean of sign p has no digits.
 
     The first lane agrees at once, the second by that allowance alone, the third not at all.
     """
@@ -301,16 +309,20 @@ def test_rules_that_differ_by_the_rounding_of_their_argument_agree_and_a_kink_do
 
 @pytest.mark.parametrize("nodes", range(1, 41))
 def test_nodes_and_weights_are_symmetric_to_the_bit(nodes: int) -> None:
-    """So the averaged gradient of a quadratic H is taken at the middle of the segment, and H gets no bias."""
+    """So the averaged gradient of a quadratic H is taken at the middle of the segment,
+    and H gets no bias.
+    """
     points, weights = gauss_legendre(nodes)
     assert np.array_equal(points[::-1], 1 - points)
     assert np.array_equal(weights[::-1], weights)
 
 
 def test_the_energy_of_a_quadratic_hamiltonian_has_no_bias_with_two_nodes() -> None:
-    """Two oscillators, ω = 1e8 and 1e-8, weakly coupled: a step changed H by 0.09 roundings of y1 in the mean.
+    """Two oscillators, ω = 1e8 and 1e-8, weakly coupled:
+    a step changed H by 0.09 roundings of y1 in the mean.
 
-    100,000 steps in longest floats show a mean of 0.0041 roundings. Five such errors: a false alarm in a million.
+    100,000 steps in longest floats show a mean of 0.0041 roundings. Five such errors: a false alarm
+    in a million.
     """
     one = np.array([[0.0, 1.0], [-1.0, 0.0]])
     B = np.kron(np.eye(2), one)
@@ -333,7 +345,9 @@ def test_the_energy_of_a_quadratic_hamiltonian_has_no_bias_with_two_nodes() -> N
 
 
 def test_a_box_that_leaves_the_domain_is_bounded_by_pieces_of_the_segment() -> None:
-    """1/(y1 + y2) from (2, −1) to (−1, 2): the sum is 1 on the segment, where |F| + Σ|∂F||y| is 4 at most."""
+    """1/(y1 + y2) from (2, −1) to (−1, 2): the sum is 1 on the segment,
+    where |F| + Σ|∂F||y| is 4 at most.
+    """
 
     def field(y: Any) -> Any:
         return np.stack([1 / (y[0] + y[1])])

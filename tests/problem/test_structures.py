@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sepv.properties._orders.several_fields import finer
+from sepv.properties._orders.several_fields import refined
 from sepv.properties.test_reference import critical_step
 from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import reference_step
@@ -52,13 +52,13 @@ def _map(p: poly.Polynomial) -> poly.PolynomialMap:
 
 @pytest.mark.parametrize("name", ["commuting-rotations", "commuting-oscillators"])
 def test_closed_forms_are_what_fine_steps_converge_to(name: str) -> None:
-    """Two independent references: rotations, and Heun's method with 4096 steps, which is wrong by what it says."""
+    """Two independent references: rotations, and the log-ODE, which is wrong by what it says."""
     problem = problems.by_name(name)
     assert isinstance(problem, StructuresProblem)
     assert problem.closed_form is not None
     y0 = np.asarray(problem.initial)
-    dW, y, apart = finer(problem, y0, 1.0, 64, range(64), 5)
-    exact = problem.closed_form(y0, 1.0, dW.sum(axis=0))
+    rough, y, apart = refined(problem, y0, 1.0, 64, range(64), 5, 1.0)
+    exact = problem.closed_form(y0, 1.0, rough.dW.sum(axis=0))
     assert np.sqrt(np.mean(np.sum((y - exact) ** 2, axis=0))) < 2 * apart < 0.02
     # |ΔH| ≤ d max|∂H| max|Δy|; a rounding or two of y in the closed form, some dozen in H.
     energy, slope = problem.hamiltonian(y0), np.max(np.abs(problem.gradient(exact)))
@@ -88,7 +88,9 @@ for _order in permutations(range(4)):
 
 
 def one_of_each(y: np.ndarray) -> np.ndarray:
-    """B_ij = ε_ijkl ∂_kC_1 ∂_lC_2 in dimension four, for C_1 = yᵀAy and C_2 = bᵀy: both are Casimirs."""
+    """B_ij = ε_ijkl ∂_kC_1 ∂_lC_2 in dimension four, for C_1 = yᵀAy and C_2 = bᵀy:
+    both are Casimirs.
+    """
     return np.einsum("ijkl,k...,l->ij...", LEVI_CIVITA, 2 * np.einsum("ki,i...->k...", A, y), b)
 
 
@@ -110,7 +112,9 @@ def squared(y: np.ndarray) -> np.ndarray:
 
 
 def test_every_casimir_of_either_kind_is_one_of_a_commuting_structure() -> None:
-    """S∇H_0 = B∇H_1, S∇C = 0 for two Casimirs whose gradients are not orthogonal, one of either kind or two linear."""
+    """S∇H_0 = B∇H_1, S∇C = 0 for two Casimirs whose gradients are not orthogonal,
+    one of either kind or two linear.
+    """
     y = np.random.default_rng(3).standard_normal((4, 7))
     y[:, 6] *= 1e-3
     for B, casimirs, linear in ((one_of_each, (A,), (b,)), (two_linear, (), (OTHER, b))):
@@ -119,8 +123,9 @@ def test_every_casimir_of_either_kind_is_one_of_a_commuting_structure() -> None:
         for n in range(7):
             at, matrix = y[:, n], S(y[:, n])
             field = B(at) @ squared(at)
-            # Gram and Schmidt's vectors, orthogonal to eps over the sine of the angles between ∇C and ∇H: 10⁻³ and more
-            # here; S is two of them divided by the square of the third's length.
+            # Gram and Schmidt's vectors, orthogonal to eps over the sine of the angles between ∇C
+            # and ∇H: 10⁻³ and more here; S is two of them divided by the square of the third's
+            # length.
             size = np.abs(matrix).max() + np.abs(B(at)).max()
             assert np.allclose(together[:, :, n], matrix, rtol=0, atol=1e3 * EPS * size)
             assert np.array_equal(matrix, -matrix.T)
@@ -151,7 +156,8 @@ def test_where_the_drift_rests_the_structure_vanishes() -> None:
         assert both[:, :, n].any()
         assert np.array_equal(both[:, :, n], S(y[:, n]))
         assert np.array_equal(bounds[:, :, n], S.majorant(y[:, n]))
-    # A steady rotation of the rigid body: ∇H_0 is that of the Casimir, and no term vanishes but their sum.
+    # A steady rotation of the rigid body: ∇H_0 is that of the Casimir, and no term vanishes but
+    # their sum.
     drift = problems.rigid_body()
     turning = commuting_hamiltonians(drift, [lambda y: 2 * drift.hamiltonian(y) * drift.gradient(y)])
     (G,) = turning.noise_structures
@@ -168,12 +174,16 @@ def of_actions(H: poly.Polynomial, noise: poly.Polynomial) -> StructuresProblem:
 
 
 def critical_plane() -> StructuresProblem:
-    """H_0 = I_1, H_1 = I_2: the first plane may rest at its critical points while the second turns."""
+    """H_0 = I_1, H_1 = I_2: the first plane may rest at its critical points while the second
+    turns.
+    """
     return of_actions(poly.variable(2, 0), poly.variable(2, 1))
 
 
 def critical_circle() -> StructuresProblem:
-    """H_0 = ½(I − 1)² up to a constant, H_1 = I: a circle of radius √2 of critical points, on which the noise turns."""
+    """H_0 = ½(I − 1)² up to a constant, H_1 = I: a circle of radius √2 of critical points,
+    on which the noise turns.
+    """
     return of_actions(poly.polynomial(1, {(2,): 0.5, (1,): -1.0}), poly.variable(1, 0))
 
 
@@ -191,7 +201,9 @@ def test_steps_from_critical_points_of_the_energy_are_refused_where_a_noise_acts
 
 
 def test_an_ensemble_says_of_each_lane_whether_its_structure_is_defined() -> None:
-    """Of the states (0, 0, 1, 0) and its neighbours, only the first has no structure: |w| is small, but known."""
+    """Of the states (0, 0, 1, 0) and its neighbours, only the first has no structure: |w| is small,
+    but known.
+    """
     problem, dW = critical_plane(), np.full((1, 4), 0.1)
     y = np.array([[0.0, 1e-9, 1e-170, 0.5], [0.0] * 4, [1.0] * 4, [0.0] * 4])
     solution = schemes.several_structures.solve(problem, y, 0.01, dW)
@@ -208,7 +220,9 @@ def test_an_ensemble_says_of_each_lane_whether_its_structure_is_defined() -> Non
 
 @pytest.mark.parametrize("distance", [0.0, 1e-4])
 def test_next_to_a_curved_set_of_critical_points_no_wrong_step_passes(distance: float) -> None:
-    """S_1∇̄H_0 turns by two thirds of the angle there, whatever h: no path of 64 gets through with status 0."""
+    """S_1∇̄H_0 turns by two thirds of the angle there, whatever h:
+    no path of 64 gets through with status 0.
+    """
     problem, y0 = critical_circle(), (np.sqrt(2.0) + distance, 0.0)
     for steps in (8, 128):
         ends = sepv.ensemble(schemes.several_structures, problem, h=1 / steps, T=1.0, paths=64, y0=y0)
@@ -217,7 +231,9 @@ def test_next_to_a_curved_set_of_critical_points_no_wrong_step_passes(distance: 
 
 
 def test_away_from_critical_points_steps_next_to_them_converge() -> None:
-    """Half of the radius outside the circle: a quarter of the error for a quarter of the step, within two."""
+    """Half of the radius outside the circle: a quarter of the error for a quarter of the step,
+    within two.
+    """
     problem, y0 = critical_circle(), np.array([1.5 * np.sqrt(2.0), 0.0])
     error = []
     for steps in (64, 256):
@@ -238,7 +254,8 @@ def test_a_third_partys_scheme_meets_no_number_where_there_is_no_structure() -> 
     assert np.isnan(matrices[:, :, 0]).all()
     assert not matrices[:, :, 1].any()  # all flows rest
     assert np.isfinite(matrices[:, :, 2]).all()
-    # A rigid body with equal moments of inertia: ∇H_0 is that of |y|²/2 on the equator, up to roundings.
+    # A rigid body with equal moments of inertia: ∇H_0 is that of |y|²/2 on the equator, up to
+    # roundings.
     top = problems.rigid_body(inertia=(1.0, 1.0, 0.5))
     about = commuting_hamiltonians(top, [lambda y: np.stack([0 * y[0], 0 * y[0], 1 + 0 * y[0]])])
     turn = np.array([[np.cos(0.7), np.cos(0.7)], [np.sin(0.7), np.sin(0.7)], [0.0, 0.1]])
@@ -248,7 +265,9 @@ def test_a_third_partys_scheme_meets_no_number_where_there_is_no_structure() -> 
 
 
 def test_roundings_of_a_commuting_structure_are_relative_to_its_terms() -> None:
-    """2(M_v M_gᵀ + M_g M_vᵀ)/|w|² by hand: H_0 = |y|²/2 and H_1 = 25/2 |y|² at (3, −4), v = B∇H_1 = 25(−4, −3)."""
+    """2(M_v M_gᵀ + M_g M_vᵀ)/|w|² by hand: H_0 = |y|²/2 and H_1 = 25/2 |y|² at (3, −4),
+    v = B∇H_1 = 25(−4, −3).
+    """
     turn = lambda y: np.array([[0.0, -1.0], [1.0, 0.0]])  # noqa: E731
     y = np.array([3.0, -4.0])
     plain = CommutingStructure(turn, lambda y: y, lambda y: 25 * y)
@@ -263,7 +282,9 @@ def oscillator(**known: object) -> sepv.Problem:
 
 
 def test_brackets_are_judged_beside_their_terms() -> None:
-    """A large H_1 that commutes up to rounding is taken, a tiny one that does not is refused: in any unit."""
+    """A large H_1 that commutes up to rounding is taken, a tiny one that does not is refused:
+    in any unit.
+    """
     for unit in (1e-14, 1e14):
         tilted = oscillator(
             gradient=lambda y: np.stack([y[0] + 0.1 * y[1], 0.1 * y[0] + 1.3 * y[1]]),
@@ -281,7 +302,9 @@ def test_brackets_are_judged_beside_their_terms() -> None:
 
 
 def test_brackets_are_asked_for_around_the_initial_state_and_inside_the_domain_only() -> None:
-    """H_1 that commutes but for a bump: at the initial state, beside it, where there is a domain."""
+    """H_1 that commutes but for a bump: at the initial state, beside it, where there is a
+    domain.
+    """
 
     def bump(where: Callable[[np.ndarray], bool]) -> Callable[[np.ndarray], np.ndarray]:
         return lambda y: y + (np.array([1.0, 0.0]) if where(y) else 0.0)

@@ -1,4 +1,6 @@
-"""Bounds of recorded functions over boxes: no value inside a box exceeds them, and exact where nothing is lost."""
+"""Bounds of recorded functions over boxes: no value inside a box exceeds them,
+and exact where nothing is lost.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -29,7 +31,9 @@ def bound(function: Callable[[Any], Any], low: np.ndarray, high: np.ndarray) -> 
 
 @pytest.mark.parametrize("name", FORMULAS)
 def test_no_value_inside_the_box_exceeds_the_bound(name: str) -> None:
-    """The boxes of a batch are bounded as each alone is, and small boxes by little more than the largest value."""
+    """The boxes of a batch are bounded as each alone is,
+    and small boxes by little more than the largest value.
+    """
     rng, function = np.random.default_rng(5), FORMULAS[name]
     centres = np.stack([rng.uniform(0.5, 2, 40), rng.uniform(-1.5, 1.5, 40)])
     for width in (0.4, 1e-3):

@@ -51,7 +51,9 @@ def test_derivative_is_the_limit_of_exact_quotients(case: tuple[Polynomial, list
 @pytest.mark.parametrize("few", [0, poly.ONE_REDUCTION_MAX_SIZE])
 @pytest.mark.parametrize("rows", [1, 3])
 def test_long_sums_run_strictly_in_order(monkeypatch: pytest.MonkeyPatch, rows: int, few: int) -> None:
-    """NumPy sums a column of eight and more numbers in pairs: other bits than those of the same state in a batch."""
+    """NumPy sums a column of eight and more numbers in pairs:
+    other bits than those of the same state in a batch.
+    """
     monkeypatch.setattr(poly, "ONE_REDUCTION_MAX_SIZE", few)
     rng = np.random.default_rng(0)
     long = poly.polynomial(2, {(i, j): rng.normal() for i in range(7) for j in range(7)})

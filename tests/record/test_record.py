@@ -1,4 +1,6 @@
-"""Records: value, derivative and mean of random expressions against mpmath, and what cannot be recorded."""
+"""Records: value, derivative and mean of random expressions against mpmath,
+and what cannot be recorded.
+"""
 
 import operator
 
@@ -108,7 +110,8 @@ def test_elementary_functions_and_their_slopes(name) -> None:
     x = x if name not in ("log", "sqrt") else np.abs(x) + 0.5
     for v, got in zip(x, np.asarray(FUNCTIONS[name].value(x)), strict=True):
         exact = exactly(name, MP.mpf(v))
-        # A slope's quotient cancels to a twentieth of its terms at most: see the bounds of the series.
+        # A slope's quotient cancels to a twentieth of its terms at most: see the bounds of the
+        # series.
         assert abs(got - exact) <= 64 * EPS * max(abs(exact), 2.0**-3 if "slope" in name else 0)
     if FUNCTIONS[name].slope is not None:
         tape = Tape()
@@ -140,7 +143,8 @@ def test_means_of_affine_arguments_lose_nothing(name, size) -> None:
     along = lambda tau: [a + tau * b for a, b in zip(start, move, strict=True)]  # noqa: E731
     for i in range(2):
         exact = MP.quad(lambda tau, i=i: at([slope[i]], y, along(tau))[0], [0, 1])
-        # The terms of the sum, at most about 10, are rounded some ten times; the condition of the arguments is below 8.
+        # The terms of the sum, at most about 10, are rounded some ten times; the condition of the
+        # arguments is below 8.
         assert abs(got[i] - exact) <= 80 * EPS * 10
 
 
@@ -167,7 +171,9 @@ def test_what_has_no_closed_mean_is_refused_and_says_why() -> None:
 
 
 def test_a_record_of_the_scheme_is_as_short_as_by_hand() -> None:
-    """R and K of (2.1) for the rigid body: 41 operations where the kernel written by hand has 41 an iteration."""
+    """R and K of (2.1) for the rigid body: 41 operations where the kernel written by hand has 41 an
+    iteration.
+    """
     problem, tape = problems.rigid_body(), Tape()
     y, z, delta = tape.vector(3), tape.vector(3), tape.vector(1)
     B = tape.symbols(problem.structure(y + 0.5 * z))

@@ -40,7 +40,9 @@ def test_every_scheme_is_certified_on_every_problem(name: str, scheme: str) -> N
 
 
 def terms_of_energy(case: Case, y1) -> float:
-    """The size of the terms of a polynomial H along a step: from states of 10^±100 they may cancel."""
+    """The size of the terms of a polynomial H along a step: from states of 10^±100 they may
+    cancel.
+    """
     if not isinstance(case.problem, PolynomialSystem):
         return 0.0
     reach = [2 * max(abs(a), abs(float(b.mid()))) for a, b in zip(case.y, y1, strict=True)]
@@ -55,7 +57,8 @@ def test_random_steps_are_certified_with_their_invariants(case: Case) -> None:
     assert proof.energy.contains(0)
     assert all(c.contains(0) for c in proof.casimirs)
     assert proof.energy.rad() < 1e-45 * max(1.0, terms_of_energy(case, proof.y1))
-    # The derivatives of sinc and of log(1 + x)/x near 0 are enclosed to 1e-3 only; 1 is what the proof needs.
+    # The derivatives of sinc and of log(1 + x)/x near 0 are enclosed to 1e-3 only; 1 is what the
+    # proof needs.
     assert proof.contraction < 1e-2
 
 
@@ -71,8 +74,8 @@ def test_a_value_that_is_off_is_refused(off: float) -> None:
 def test_a_centre_outside_the_box_proves_nothing() -> None:
     import flint
 
-    # F(x) = (x − 10) + ¼(x − 10)² − ¼ has no zero in X = 10 ± 0.1; F′(X) = 1 ± 0.05 and Y = 1. From x̃ = 9, where
-    # F = −1, K(X) = 10 ± 0.055 lies in the interior of X all the same.
+    # F(x) = (x − 10) + ¼(x − 10)² − ¼ has no zero in X = 10 ± 0.1; F′(X) = 1 ± 0.05 and Y = 1. From
+    # x̃ = 9, where F = −1, K(X) = 10 ± 0.055 lies in the interior of X all the same.
     with precision(100):
         arb = flint.arb
         box = [arb(10) + ball(arb("0.1"))]
@@ -84,7 +87,8 @@ def test_a_centre_outside_the_box_proves_nothing() -> None:
         assert box[0].contains_interior(image)
         with pytest.raises(NotCertified, match=r"its centre 9\.0* is not in"):
             krawczyk_image(defect, [value(outside)], [outside], box)
-        # From the middle of the box the same test fails for the right reason: it is mapped towards the zero at 10.24.
+        # From the middle of the box the same test fails for the right reason: it is mapped towards
+        # the zero at 10.24.
         with pytest.raises(NotCertified, match="is mapped to"):
             krawczyk_image(defect, [value(arb(10))], [arb(10)], box)
 
@@ -97,7 +101,8 @@ def test_derivatives_enclose_difference_quotients(x: float, width: float) -> Non
         box = arithmetic.number(x) + ball(arithmetic.number(width))
         for f in (arithmetic.sinc, arithmetic.log1p_ratio, arithmetic.sin, arithmetic.cos):
             slope = f(arithmetic.nudged(box, arithmetic.number(1.0)))[1]
-            # By the mean value theorem the quotient is a value of the derivative somewhere in the box.
+            # By the mean value theorem the quotient is a value of the derivative somewhere in the
+            # box.
             a, b = arithmetic.number(x) - width / 2, arithmetic.number(x) + width / 2
             assert slope.overlaps((f(b) - f(a)) / (b - a))
             assert slope.is_finite()

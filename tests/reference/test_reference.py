@@ -1,4 +1,6 @@
-"""The references, written out in another way, and their vectors: who made them, and that the core keeps to them."""
+"""The references, written out in another way, and their vectors: who made them,
+and that the core keeps to them.
+"""
 
 import json
 import math
@@ -92,7 +94,9 @@ def test_collocation_is_gauss_for_quadratic_h_and_the_scheme_for_one_stage(stage
 
 
 def test_milstein_and_euler_maruyama_are_their_formulas_by_hand() -> None:
-    """Oscillator: f′f = −y, so that Milstein is (1 − S²/2)y + Δf and Euler-Maruyama (1 − h/2)y + Δf for c = 1."""
+    """Oscillator: f′f = −y, so that Milstein is (1 − S²/2)y + Δf and Euler-Maruyama (1 − h/2)y + Δf
+    for c = 1.
+    """
     data, ctx = problems.harmonic_oscillator().data, context(60)
     p, x, h, S = ctx.mpf(0.2), ctx.mpf(0.1), ctx.mpf(0.125), ctx.mpf(0.25)
     for name, factor in (("milstein", 1 - S * S / 2), ("euler-maruyama", 1 - h / 2)):
@@ -196,7 +200,8 @@ def solves_the_equation(scheme: Scheme, v: ReferenceVector) -> bool:
 @pytest.mark.parametrize("name", [n for n in schemes.PAPER if n in SCHEMES])
 def test_the_core_is_within_the_bound_on_every_vector(name: str) -> None:
     found, refused = shares(schemes.PAPER[name], load(name))
-    # Next to a fold Newton's method may end at the other solution there, which solves the equation as well.
+    # Next to a fold Newton's method may end at the other solution there, which solves the equation
+    # as well.
     off = [v for v in load(name) if not found.get(v.id, 0.0) <= 1]
     assert [v.id for v in off if not solves_the_equation(schemes.PAPER[name], v)] == []
     assert all("near-fold" in v.flags for v in off)

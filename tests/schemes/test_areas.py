@@ -1,4 +1,6 @@
-"""What steps ask for beside increments: Lévy's and space-time areas, and increments of a few points with their law."""
+"""What steps ask for beside increments: Lévy's and space-time areas,
+and increments of a few points with their law.
+"""
 
 import math
 from dataclasses import replace
@@ -26,7 +28,9 @@ LOCAL = ["local-mean", "local-mean-square", "local-weak"]
 
 
 def shark(sign: float = 1.0) -> Scheme:
-    """ShARK for additive noise: J. Foster, G. dos Reis and C. Strange, arXiv 2210.17543, equation (6.1)."""
+    """ShARK for additive noise: J. Foster, G. dos Reis and C. Strange, arXiv 2210.17543,
+    equation (6.1).
+    """
 
     def step(problem: Problem, y: Array, h: float, dW: Array, H: Array) -> Array:
         def f(z: Array) -> Array:
@@ -47,7 +51,9 @@ def shark(sign: float = 1.0) -> Scheme:
 
 
 def near(samples: Array, expected: float) -> bool:
-    """True where a mean is within 6 standard errors: eleven statements here, false alarm below 1e-7."""
+    """True where a mean is within 6 standard errors: eleven statements here,
+    false alarm below 1e-7.
+    """
     return bool(abs(samples.mean() - expected) < 6 * samples.std() / np.sqrt(samples.size))
 
 
@@ -197,7 +203,8 @@ def test_each_value_is_taken_with_its_probability(law: PointLaw) -> None:
     taken = bounded.seen(dW, 1 / 64, None, law)
     for value, weight in zip(law.values, law.weights, strict=True):
         count = int(np.count_nonzero(taken == value / 8))
-        # Five standard deviations: a false alarm of 6e-7 for each of the nine counts, were the seed not fixed.
+        # Five standard deviations: a false alarm of 6e-7 for each of the nine counts, were the seed
+        # not fixed.
         assert abs(count - weight * dW.size) < 5 * math.sqrt(dW.size * weight * (1 - weight))
     assert set(np.unique(taken)) == {value / 8 for value in law.values}
 
@@ -211,7 +218,9 @@ def test_thresholds_cut_off_the_weights_and_are_as_symmetric_as_the_law() -> Non
 
 
 def _drifting() -> Problem:
-    """dy = (1, 0)(dt + ΔW₁ + 0.5 ΔW₂): the end is the sum of the increments, in the order of the steps."""
+    """dy = (1, 0)(dt + ΔW₁ + 0.5 ΔW₂): the end is the sum of the increments,
+    in the order of the steps.
+    """
     linear = poly.polynomial(2, {(0, 1): 1.0})
     B = ((0, 1, poly.polynomial(2, {(0, 0): 1.0})),)
     system = sepv.PolynomialSystem(2, linear, B, (1.0, 0.5), ())

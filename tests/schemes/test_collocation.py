@@ -1,4 +1,6 @@
-"""Collocation, Gauss and explicit methods of the random step: coefficients, stages, what they cost and reduce to."""
+"""Collocation, Gauss and explicit methods of the random step: coefficients, stages,
+what they cost and reduce to.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -100,7 +102,9 @@ def test_what_no_quadrature_resolves_is_reported_and_not_returned() -> None:
 
 @pytest.mark.parametrize("s", STAGES)
 def test_a_family_member_counts_its_work(s: int) -> None:
-    """Rigid body: s nodes and s structures an iteration, and one of each for the start, which is an iteration."""
+    """Rigid body: s nodes and s structures an iteration, and one of each for the start,
+    which is an iteration.
+    """
     for scheme in (schemes.collocation(s), schemes.gauss(s)):
         y = np.array([[0.8, 0.8, 1.0], [0.6, 0.1, 0.0], [0.1, 0.6, 0.0]])
         solution = scheme.solve(problems.rigid_body(), y, 0.01, np.array([[0.1, -0.2, 0.3]]))
@@ -112,7 +116,9 @@ def test_a_family_member_counts_its_work(s: int) -> None:
 
 
 def test_two_stages_keep_quadratic_invariants_by_their_rounded_coefficients() -> None:
-    """b_i a_ij + b_j a_ji = b_i b_j exactly: rounded each by itself they moved H by 0.17 roundings a step."""
+    """b_i a_ij + b_j a_ji = b_i b_j exactly: rounded each by itself they moved H by 0.17 roundings
+    a step.
+    """
     A, b = ([[Fraction(v) for v in row] for row in np.atleast_2d(a).tolist()]
             for a in (gauss_tableau(2).A, gauss_tableau(2).b))  # fmt: skip
     assert all(b[0][i] * A[i][j] + b[0][j] * A[j][i] == b[0][i] * b[0][j] for i in (0, 1) for j in (0, 1))
@@ -166,7 +172,9 @@ def test_every_point_of_the_quadrature_must_lie_inside() -> None:
 
 @pytest.mark.parametrize("s", [2, 3])
 def test_evaluations_are_those_of_the_rule_and_of_its_check(s: int) -> None:
-    """One for the start, s + 4 an iteration, half as many again for the rule that confirms them; B at s stages."""
+    """One for the start, s + 4 an iteration, half as many again for the rule that confirms them;
+    B at s stages.
+    """
     y, dW = np.asarray(problems.pendulum().initial), np.array([0.01, 0.02])
     solution = schemes.collocation(s).solve(problems.pendulum(), y, 0.01, dW)
     iterations, nodes = int(solution.iterations[0]) - 1, s + 4
@@ -193,7 +201,9 @@ def test_increments_are_kept_beside_their_rounded_sums(s: int) -> None:
 
 @pytest.mark.parametrize("s", [2, 5])
 def test_a_step_is_the_same_with_the_signs_of_state_and_time_turned_and_in_any_unit_of_energy(s: int) -> None:
-    """Rigid body: f(−y) = f(y), so that −y with −Δ is the mirror image, to the bit. H ↦ λH with Δ ↦ Δ/λ is nothing."""
+    """Rigid body: f(−y) = f(y), so that −y with −Δ is the mirror image, to the bit.
+    H ↦ λH with Δ ↦ Δ/λ is nothing.
+    """
     y, body = np.array([0.8, 0.6, 0.1]), problems.rigid_body()
     for delta in (0.7, 1e-3):
         there = solve_stages(body, s, y[:, None], np.array([delta]))
@@ -247,7 +257,9 @@ def test_explicit_tableaux_integrate_powers(order: int) -> None:
 
 @pytest.mark.parametrize("order", TABLEAUX)
 def test_an_explicit_method_has_its_order_in_the_random_step(order: int) -> None:
-    """Against the exact flow at Δ: the error of a step falls like Δ^{p+1}, whatever h and ΔW make up Δ."""
+    """Against the exact flow at Δ: the error of a step falls like Δ^{p+1},
+    whatever h and ΔW make up Δ.
+    """
     scheme, problem = schemes.explicit(order), problems.pendulum()
     states, errors = 1.2 * np.random.default_rng(0).standard_normal((2, 8)), []
     for delta in (0.5, 0.25):
@@ -262,7 +274,9 @@ def test_an_explicit_method_has_its_order_in_the_random_step(order: int) -> None
 
 @pytest.mark.parametrize("s", range(1, 7))
 def test_a_gauss_method_keeps_quadratic_invariants_and_no_other_energy(s: int) -> None:
-    """Its solver is its step, and neither takes averages: those keep the energy of the pendulum, it does not."""
+    """Its solver is its step, and neither takes averages: those keep the energy of the pendulum,
+    it does not.
+    """
     scheme, problem = schemes.gauss(s), problems.pendulum()
     y, dW = np.array([0.2, 2.0]), np.array([0.5, 0.2])
     y1 = scheme.step(problem, y, 0.4, dW)

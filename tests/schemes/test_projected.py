@@ -1,4 +1,6 @@
-"""Steps of more than one solve: projected on the invariants, divided, or followed along their curve of solutions."""
+"""Steps of more than one solve: projected on the invariants, divided,
+or followed along their curve of solutions.
+"""
 
 import numpy as np
 import pytest
@@ -85,7 +87,8 @@ def test_steps_that_are_too_coarse_say_so() -> None:
     good = solution.status == Status.CONVERGED
     assert np.all(problem.domain(solution.value[:, good]))
     kept = problem.hamiltonian(solution.value[:, good]) - problem.hamiltonian(y[:, good])
-    # What the last correction leaves is of second order; H has eight terms, slopes up to 4, and logarithms of y ≪ 1.
+    # What the last correction leaves is of second order; H has eight terms, slopes up to 4, and
+    # logarithms of y ≪ 1.
     size = 1 + np.max(np.abs(solution.value[:, good]), axis=0)
     assert np.all(np.abs(kept) <= 64 * EPS * size)
     bad = int(np.flatnonzero(~good)[0])
@@ -121,7 +124,9 @@ def test_a_batch_has_the_bits_of_its_states_with_any_casimir() -> None:
 
 
 def test_long_steps_from_a_small_state_end_at_the_rounding_of_what_they_move() -> None:
-    """H linear and B constant: z* = ΔB∇H is the solution up to rounding of itself, far above that of y0 = 0."""
+    """H linear and B constant: z* = ΔB∇H is the solution up to rounding of itself,
+    far above that of y0 = 0.
+    """
     a = np.array([-0.7, 0.9, 0.0])
     system = PolynomialSystem(
         3, polynomial(3, {(1, 0, 0): a[0], (0, 1, 0): a[1]}), ((0, 1, constant(3, -1.0)),), (1.0,)
@@ -153,7 +158,9 @@ def test_what_a_correction_leaves_alone_does_not_end_the_iteration() -> None:
 
 @pytest.mark.parametrize("engine", ["numpy", "compiled"])
 def test_a_casimir_is_kept_where_its_gradient_vanishes(engine: str) -> None:
-    """C = y1² at y1 = 0: the correction of H must not move y1, because none along ∇C = 0 could move it back."""
+    """C = y1² at y1 = 0: the correction of H must not move y1,
+    because none along ∇C = 0 could move it back.
+    """
     idle = PolynomialSystem(
         3,
         polynomial(3, {(1, 4, 0): 0.5, (0, 2, 0): 0.5, (0, 3, 2): 0.25}),
@@ -165,13 +172,16 @@ def test_a_casimir_is_kept_where_its_gradient_vanishes(engine: str) -> None:
     ends = ensemble(schemes.projected(4), problem, h=1 / 16, steps=16, paths=32, y0=y, engine=engine).y
     assert np.all(ends[0] == 0.0)
     moved = problem.hamiltonian(ends) - problem.hamiltonian(y)
-    # |∇H||y| ≤ 5|y|⁵ for |y| ≥ 1: each of 16 steps rounds y1 and the terms of its residual, 8 eps|y|⁵ for both.
+    # |∇H||y| ≤ 5|y|⁵ for |y| ≥ 1: each of 16 steps rounds y1 and the terms of its residual, 8
+    # eps|y|⁵ for both.
     assert np.max(np.abs(moved)) <= 16 * 8 * EPS * max(1.0, np.max(np.abs(ends))) ** 5
 
 
 @pytest.mark.parametrize("name", ["energy-preserving", "both-invariants", "collocation-2"])
 def test_divided_steps_reach_the_end_and_keep_the_energy(name: str) -> None:
-    """Lotka-Volterra at h = 1/8: more than a tenth of the paths have a step of (2.1) without a solution."""
+    """Lotka-Volterra at h = 1/8: more than a tenth of the paths have a step of (2.1)
+    without a solution.
+    """
     problem, scheme = problems.lotka_volterra(), schemes.by_name(name)
     options = {"h": 0.125, "T": 1.0, "paths": 64, "seed": 1}
     plain = sepv.ensemble(scheme, problem, engine="numpy", **options)
@@ -230,7 +240,8 @@ def test_a_divided_scheme_says_what_it_is_and_its_failures_what_they_were_asked(
 
 EP = schemes.energy_preserving
 PENDULUM = problems.pendulum()
-# States (columns) and Δ of the pendulum: the iteration from y fails for all but the first, whatever its roundings.
+# States (columns) and Δ of the pendulum: the iteration from y fails for all but the first, whatever
+# its roundings.
 LONG = np.array([[0.2, 0.62, 0.45, 1.13, -2.37], [1.0, 1.5, 1.65, -1.59, 1.45]])
 DELTA = np.array([0.1, 13.7, 17.1, 22.0, 19.52])
 STEPS = np.stack([DELTA, np.zeros(5)])  # c = (1, ½), h = 0

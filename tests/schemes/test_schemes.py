@@ -1,4 +1,6 @@
-"""The scheme record, and schemes against their formulas and derivations, written out again in another way."""
+"""The scheme record, and schemes against their formulas and derivations,
+written out again in another way.
+"""
 
 from dataclasses import replace
 
@@ -24,7 +26,9 @@ from sepv.verification import Case, Cases, load_laws
 
 @given(strategies.steps())
 def test_discrete_gradient_is_the_quotient_where_that_can_be_computed(case: Case) -> None:
-    """Components of ∇̄₁H are quotients (H(…ȳ_i…) − H(…y_i…))/(ȳ_i − y_i), with digits to spare for what cancels."""
+    """Components of ∇̄₁H are quotients (H(…ȳ_i…) − H(…y_i…))/(ȳ_i − y_i),
+    with digits to spare for what cancels.
+    """
     problem, y, _, _ = case.build()
     y1 = y + 0.3 * np.cos(np.arange(y.size)) * np.array([1.0, 0.0, 1e-9])[np.arange(y.size) % 3]
     start, end = y[:, None], y1[:, None]
@@ -207,7 +211,8 @@ def test_the_modified_scheme_solves_steps_of_every_stratum_of_the_cases() -> Non
 
 
 def test_a_difference_jacobian_from_zero_is_none_of_roundings() -> None:
-    # e eᵀw turns with every direction: over a width of nothing its roundings once made a Jacobian of 1e299.
+    # e eᵀw turns with every direction: over a width of nothing its roundings once made a Jacobian
+    # of 1e299.
     H = poly.polynomial(2, {(1, 0): 0.046875, (0, 1): -0.05078125})
     system = PolynomialSystem(2, H, ((0, 1, poly.constant(2, 1.0)),), (1.0,))
     drawn = Case(system, (0.0, 0.0), 2.0**-9, (0.0,), "bare functions")

@@ -1,4 +1,6 @@
-"""Steps with a state, which paths carry and single steps begin anew; and steps in single precision with its bounds."""
+"""Steps with a state, which paths carry and single steps begin anew;
+and steps in single precision with its bounds.
+"""
 
 from dataclasses import replace
 from functools import partial
@@ -37,7 +39,9 @@ h, N = 2.0**-6, 16
 
 
 def by_hand(problem: Problem, y0: Array, h: float, dW: Array, euler: bool = False) -> Array:
-    """Whole paths of reversible Heun, or of Euler's rule, in a plain loop; they refuse an increment above 10⁵."""
+    """Whole paths of reversible Heun, or of Euler's rule, in a plain loop;
+    they refuse an increment above 10⁵.
+    """
     y = z = np.repeat(y0[:, None], dW.shape[2], axis=1)
     f, states = vector_field(problem, y), [y]
     for row in dW:
@@ -69,7 +73,9 @@ def test_a_path_carries_its_state_and_a_single_step_begins_anew(batched: bool) -
 
 
 def test_a_path_that_fails_leaves_the_states_of_the_others_in_place() -> None:
-    """Each path counts its steps; one refuses its third, another leaves the finite numbers in its second."""
+    """Each path counts its steps; one refuses its third,
+    another leaves the finite numbers in its second.
+    """
 
     def step(problem: Problem, state: Any, h: float, dW: Array) -> Any:
         y, count, rate = state["y"], state["count"] + 1, state["rate"]

@@ -1,4 +1,6 @@
-"""Compiled code: its names and caches, the same bits on any workers, and patches of other packages that are needed."""
+"""Compiled code: its names and caches, the same bits on any workers,
+and patches of other packages that are needed.
+"""
 
 import gc
 import subprocess

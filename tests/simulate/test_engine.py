@@ -1,4 +1,6 @@
-"""The compiled engine: the NumPy batch to a few ulp, the same bits however the paths are divided."""
+"""The compiled engine: the NumPy batch to a few ulp, the same bits however the paths are
+divided.
+"""
 
 import math
 from collections.abc import Callable
@@ -42,7 +44,9 @@ def spring(**changes) -> sepv.Problem:
 
 
 def hanging() -> sepv.Problem:
-    """Exponential, root and power in H, a domain with two conditions, B of y: everything that is recorded."""
+    """Exponential, root and power in H, a domain with two conditions, B of y:
+    everything that is recorded.
+    """
 
     def structure(y):
         B = np.zeros((2, 2, *y.shape[1:]), dtype=y.dtype)
@@ -92,15 +96,16 @@ def started(name: str, y0: tuple[float, ...]) -> Callable[[], sepv.Problem]:
     return lambda: replace(problems.by_name(name), initial=y0, check=False)
 
 
-# Scheme, problem, 1/h, steps, and by how much a step and the flow multiply a rounding. Each kernel costs two to five
-# seconds of compilation where the cache is cold: most wait for a deep run.
+# Scheme, problem, 1/h, steps, and by how much a step and the flow multiply a rounding. Each kernel
+# costs two to five seconds of compilation where the cache is cold: most wait for a deep run.
 EVERY = [
     ("energy-preserving", "rigid-body", 32, 16, 32), ("energy-preserving", "pendulum", 32, 16, 32),
     ("energy-preserving", "lotka-volterra", 128, 64, 8), ("midpoint", noisy, 16, 8, 32),
     ("milstein", noisy, 16, 8, 32), ("discrete-gradient", noisy, 16, 8, 32),
     ("several-structures", "noncommuting-tops", 32, 8, 64), ("stochastic-midpoint", "random-inertia", 64, 8, 32),
     ("stochastic-midpoint", without_mean_gradient, 64, 8, 32), ("both-invariants", "lotka-volterra", 128, 128, 8),
-    # Steps of every kind: most by sweeps, some by a finer rule, some by Newton's iteration, some without solution.
+    # Steps of every kind: most by sweeps, some by a finer rule, some by Newton's iteration, some
+    # without solution.
     ("collocation-2", "lotka-volterra", 8, 8, 16), ("projected-8", "rigid-body", 16, 16, 64),
     *((name, "henon-heiles", 16, 32, 64) for name in ("leapfrog", "yoshida-4", "blanes-moan-4")),
     # By functions, which are recorded; means by rule, where NumPy's engine has its quadrature.
@@ -146,7 +151,8 @@ def test_both_engines_agree_to_a_few_ulp(
     solved = (fast.status == 0) & (plain.status == 0)
     assert solved.mean() >= 0.8
     assert np.max(np.abs(fast.y - plain.y)[:, solved]) <= spread * steps * EPS * np.max(np.abs(plain.y))
-    # Largest of random walks of rounding, in multiples of that of the other engine and of a rounding of H.
+    # Largest of random walks of rounding, in multiples of that of the other engine and of a
+    # rounding of H.
     floor = 8 * steps**0.5 * EPS * np.max(np.abs(system.hamiltonian(plain.y)))
     assert fast.energy_defect[solved].max() <= 3 * plain.energy_defect[solved].max() + floor
     assert fast.casimir_defect[solved].max() <= 3 * plain.casimir_defect[solved].max() + 8 * steps**0.5 * EPS
@@ -158,10 +164,11 @@ def test_both_engines_agree_to_a_few_ulp(
     ("name", "rate"), [("energy-preserving", 8), ("collocation-2", 4), ("projected-4", 4)]
 )
 def test_both_engines_refuse_the_same_steps(name: str, rate: int, engine: str) -> None:
-    """A lane that a kernel leaves over is solved as NumPy's engine solves it, with damped steps where full ones fail.
+    """A lane that a kernel leaves over is solved as NumPy's engine solves it,
+    with damped steps where full ones fail.
 
-    Beyond the fold Newton's iteration is chaotic: of 9000 paths of this problem in 8 a last bit of y decided whether it
-    came upon another solution.
+    Beyond the fold Newton's iteration is chaotic: of 9000 paths of this problem in 8 a last bit of
+    y decided whether it came upon another solution.
     """
     fast, plain = both(
         schemes.by_name(name), problems.lotka_volterra(), engine, h=1 / rate, T=1.0, paths=100, seed=0
@@ -173,7 +180,9 @@ def test_both_engines_refuse_the_same_steps(name: str, rate: int, engine: str) -
 
 
 def test_evaluations_of_a_projection_are_counted() -> None:
-    """Twelve stages, then B and the gradient at the end, once in a step; an average for each iteration."""
+    """Twelve stages, then B and the gradient at the end, once in a step;
+    an average for each iteration.
+    """
     ends = sepv.ensemble("projected-8", "rigid-body", h=1 / 16, steps=16, paths=150, engine="compiled")
     assert not ends.status.any()
     assert ends.structure_evaluations == 150 * 16 * 13
@@ -195,8 +204,8 @@ def test_problems_of_other_classes_are_refused_in_words() -> None:
 def test_roundings_of_the_energy_have_no_sign_where_h_is_in_other_units(engine: str) -> None:
     """Units of 10⁻⁶ in which H″ and the slope of the averaged ∇H differ by a rounding.
 
-    With the last correction of Newton's iteration left out, the mean after 64 steps is 2.4 ulp, 25 standard errors.
-    Six of them are allowed: a chance of 2e-9.
+    With the last correction of Newton's iteration left out, the mean after 64 steps is 2.4 ulp, 25
+    standard errors. Six of them are allowed: a chance of 2e-9.
     """
     problem, paths = scaled(problems.harmonic_oscillator(), Scale(1e-6, 1e6, 1e-6)), 1000
     found = sepv.ensemble(EP, problem, h=0.25, steps=64, paths=paths, engine=engine, seed=5)
@@ -270,7 +279,8 @@ def test_engines_agree_and_bits_depend_on_nothing_but_the_path(data: st.DataObje
     assert fast.engine == "compiled"
     assert np.array_equal(fast.W, plain.W)
     assert np.array_equal(fast.status, plain.status)
-    # |Δ| ≤ 1 and |f′| ≤ 1: each step adds a dozen roundings of terms of the size of y and multiplies by e at most.
+    # |Δ| ≤ 1 and |f′| ≤ 1: each step adds a dozen roundings of terms of the size of y and
+    # multiplies by e at most.
     size = np.max(np.abs(plain.y)) + np.max(np.abs(y0))
     assert np.max(np.abs(fast.y - plain.y)) <= 12 * np.e**2 * steps * 2.3e-16 * size
     threads = sepv.ensemble(EP, problem, paths=paths, workers=3, engine="compiled", **arguments)
@@ -333,12 +343,15 @@ def test_a_problem_that_cannot_be_recorded_says_why() -> None:
 
 @pytest.mark.parametrize("scheme", [EP, schemes.midpoint])
 def test_a_step_on_which_sweeps_do_not_contract_is_begun_anew(scheme: sepv.Scheme) -> None:
-    """Steps of the pendulum with |Δ| up to 40: sweeps end anywhere, and Newton's iteration from there elsewhere."""
+    """Steps of the pendulum with |Δ| up to 40: sweeps end anywhere,
+    and Newton's iteration from there elsewhere.
+    """
     problem = problems.pendulum()
     for scale in (3.0, 10.0):
         dW = scale * np.random.default_rng(5).standard_normal((1, 2, 2000))
         fast, plain = both(scheme, problem, h=0.01, steps=1, dW=dW, truncation=None)
         assert not fast.status.any()
         assert not plain.status.any()
-        # Roots are of order one apart; the same root differs by roundings of y and of Δ g, |Δ| ≤ 40, g ≤ 4.
+        # Roots are of order one apart; the same root differs by roundings of y and of Δ g, |Δ|
+        # ≤ 40, g ≤ 4.
         assert np.max(np.abs(fast.y - plain.y)) < 64 * 2.0**-52 * 160

@@ -1,4 +1,6 @@
-"""Paths and ensembles: the same numbers however they are asked for, reduced chunk by chunk, and no failure unmarked."""
+"""Paths and ensembles: the same numbers however they are asked for, reduced chunk by chunk,
+and no failure unmarked.
+"""
 
 import math
 from dataclasses import replace
@@ -50,7 +52,9 @@ def test_a_path_prints_its_first_and_its_last_state() -> None:
 
 
 def test_a_single_path_that_fails_is_an_error() -> None:
-    """Path 0 of a seed is path 0 of its ensemble: at this step size 41 % of the paths meet a step without solution."""
+    """Path 0 of a seed is path 0 of its ensemble: at this step size 41 % of the paths meet a step
+    without solution.
+    """
     run = {"h": 1 / 8, "T": 1.0}
     problem, scheme = problems.lotka_volterra(), schemes.energy_preserving
     seed = next(s for s in range(20) if ensemble(scheme, problem, paths=1, seed=s, **run).status[0])
@@ -59,7 +63,9 @@ def test_a_single_path_that_fails_is_an_error() -> None:
 
 
 def test_whether_t_is_a_multiple_of_h_does_not_depend_on_the_unit_of_time() -> None:
-    """A relative rounding error is allowed, of T = N h as it is written in decimals, and no absolute one."""
+    """A relative rounding error is allowed, of T = N h as it is written in decimals,
+    and no absolute one.
+    """
     for unit in (1e-15, 1.0, 1e15):
         assert step_count(0.01 * unit, 0.57 * unit, None) == 57
         with pytest.raises(sepv.UsageError, match="multiple"):
@@ -80,7 +86,9 @@ def test_paths_of_explicit_schemes_are_those_of_their_ensembles() -> None:
 
 @pytest.mark.parametrize("remedy", [lambda s: s, divided, continued])
 def test_work_is_the_sum_of_the_work_of_the_steps(remedy) -> None:
-    """Three paths of Lotka-Volterra with steps so large that some need a remedy; counted by hand beside it."""
+    """Three paths of Lotka-Volterra with steps so large that some need a remedy;
+    counted by hand beside it.
+    """
     problem, scheme = problems.lotka_volterra(), remedy(schemes.energy_preserving)
     dW = 0.6 * np.random.default_rng(1).standard_normal((6, 1, 3))
     solved = run_chunk(scheme, problem, np.asarray(problem.initial), 1 / 8, dW, None)
@@ -113,7 +121,9 @@ def test_work_is_the_sum_of_the_work_of_the_steps(remedy) -> None:
 
 
 def given_increments(name: str = "given", **known: Any) -> sepv.Scheme:
-    """y1 = y0 + z with z = ΔW itself: sums of numbers, whose exact value is known. z = 77 is refused."""
+    """y1 = y0 + z with z = ΔW itself: sums of numbers, whose exact value is known.
+    z = 77 is refused.
+    """
 
     def solve(problem: sepv.Problem, y: np.ndarray, h: float, dW: np.ndarray) -> Solution:
         M = dW.shape[1]
@@ -134,7 +144,9 @@ def flat(d: int, **known: Any) -> sepv.Problem:
 
 @pytest.mark.parametrize("start", [1.0, 1e-3, -7.0])
 def test_compensated_sums_lose_nothing_beyond_the_last_rounding(start: float) -> None:
-    """Against rational arithmetic: half an ulp and eps/2 Σ|z|, where plain sums lose more. Some z exceed the sum."""
+    """Against rational arithmetic: half an ulp and eps/2 Σ|z|, where plain sums lose more.
+    Some z exceed the sum.
+    """
     z = np.random.default_rng(3).uniform(0, 0.3, 1000)
     exact = Fraction(start) + sum(map(Fraction, z.tolist()))
     errors = {}
@@ -182,7 +194,9 @@ def test_a_path_that_fails_stays_and_says_when_and_the_others_go_on() -> None:
 
 
 def test_defects_are_the_largest_on_the_way_of_either_sign() -> None:
-    """H = |y|²/2, C₁ = y1² and C₂ = 2y1 − y2 along a way there and back: no conservation, and known numbers."""
+    """H = |y|²/2, C₁ = y1² and C₂ = 2y1 − y2 along a way there and back: no conservation,
+    and known numbers.
+    """
     problem = flat(2, casimirs=(np.diag([1.0, 0.0]),), linear_casimirs=(np.array([2.0, -1.0]),))
     #     y1, y2:  (2, 0) -> (1, 0) -> (2, 0);   (2, 0) -> (2, 4) -> (2, 3)
     dW = np.array([[[-1.0, 0.0], [0.0, 4.0]], [[1.0, 0.0], [0.0, -1.0]]])
@@ -198,7 +212,9 @@ def test_defects_are_the_largest_on_the_way_of_either_sign() -> None:
 
 
 def test_explicit_steps_that_overflow_are_marked_lane_by_lane_and_nothing_is_warned_about() -> None:
-    """y ↦ y·ΔW in the plane. The domain is asked about states that are not finite: ∞ − ∞ in it is no warning."""
+    """y ↦ y·ΔW in the plane. The domain is asked about states that are not finite:
+    ∞ − ∞ in it is no warning.
+    """
 
     def step(problem: sepv.Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
         return y * dW
@@ -230,7 +246,9 @@ def test_a_step_that_says_it_failed_is_no_overflow() -> None:
 
 
 def test_a_truncation_that_costs_the_order_is_a_warning_to_the_caller() -> None:
-    """k ≥ 2p. The warning points to the line that asked, which is three calls up for paths and ensembles."""
+    """k ≥ 2p. The warning points to the line that asked,
+    which is three calls up for paths and ensembles.
+    """
     second = schemes.collocation(2)
 
     def ask(scheme: sepv.Scheme, k: Any) -> int | None:

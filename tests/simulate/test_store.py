@@ -152,7 +152,9 @@ def step(problem, y, h, dW):
 
 
 def _own(limit: float = 50.0, body: str = "pass") -> Any:
-    """A scheme of a user's module; what it does far from y0 depends on a constant that another function names."""
+    """A scheme of a user's module; what it does far from y0 depends on a constant that another
+    function names.
+    """
     space: dict[str, Any] = {"__name__": "own"}
     exec(STEP.format(limit=limit, body=body), space)
     return sepv.Scheme("own", space["step"])
@@ -174,7 +176,9 @@ def test_a_scheme_that_changed_far_from_y0_does_not_continue_a_store(tmp_path: P
 
 
 def test_caches_and_work_arrays_of_a_scheme_are_not_its_code() -> None:
-    """A store must be continued after they have changed, and in another process, where sets have other orders."""
+    """A store must be continued after they have changed, and in another process,
+    where sets have other orders.
+    """
     work, cache = np.zeros(3), dict[int, int]()
 
     def step(problem: Any, y: Any, h: float, dW: Any) -> Any:
@@ -297,7 +301,8 @@ def test_states_are_component_first_at_chosen_times_from_the_start() -> None:
     start = np.asarray(PENDULUM.initial)
     assert np.array_equal(ends.states[:, 0], np.repeat(start[:, None], 1000, axis=1))
     assert np.array_equal(ends.states[:, -1], ends.y)
-    # H is kept to rounding, which an exchange of axes would not show as such: the spread was 1.97 once.
+    # H is kept to rounding, which an exchange of axes would not show as such: the spread was 1.97
+    # once.
     assert np.ptp(PENDULUM.hamiltonian(ends.states)) < 1e-14
     assert np.array_equal(ends.energy(), PENDULUM.hamiltonian(ends.states))
     labelled = ends.to_xarray()

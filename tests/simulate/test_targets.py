@@ -1,4 +1,6 @@
-"""Targets of ensembles: what a card's kernel computes, on the processor; and how another target is added."""
+"""Targets of ensembles: what a card's kernel computes, on the processor;
+and how another target is added.
+"""
 
 import functools
 import re
@@ -38,7 +40,8 @@ def task(problem: sepv.Problem, steps: int, paths: int, first: int = 0, refine: 
     )  # fmt: skip
 
 
-# Grids whose coarse part is drawn at once, or by stream 0 in the order of time; with 0 to 11 levels of their own.
+# Grids whose coarse part is drawn at once, or by stream 0 in the order of time; with 0 to 11 levels
+# of their own.
 GRIDS = [(1, None), (6, None), (7, None), (100, None), (128, None), (130, None), (1024, 3), (4096, None),
          (65 * 64, None), (96, 0), (67 * 2048, None)]  # fmt: skip
 
@@ -47,7 +50,9 @@ GRIDS = [(1, None), (6, None), (7, None), (100, None), (128, None), (130, None),
 @on_host
 @pytest.mark.parametrize(("steps", "refine"), GRIDS)
 def test_increments_have_the_bits_of_numpy(steps: int, refine: int | None) -> None:
-    """SFC64, the ziggurat and Lévy's construction, in blocks of a power of two, read from any step on."""
+    """SFC64, the ziggurat and Lévy's construction, in blocks of a power of two,
+    read from any step on.
+    """
     for name in ("rigid-body", "pendulum"):
         problem, paths = problems.by_name(name), 5 if steps < 5000 else 1
         wanted = increments(
@@ -107,7 +112,8 @@ def test_every_argument_means_the_same(changes: dict[str, Any]) -> None:
 @pytest.mark.quick
 @on_host
 def test_steps_that_a_kernel_leaves_over_are_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With no iteration allowed each step waits for the core, and each path catches up from each: the bits are NumPy's.
+    """With no iteration allowed each step waits for the core, and each path catches up from each:
+    the bits are NumPy's.
 
     With three some steps are left, and paths wait at different steps of a block.
     """
@@ -128,8 +134,9 @@ def test_steps_that_a_kernel_leaves_over_are_the_cores(monkeypatch: pytest.Monke
 def test_statuses_are_those_of_numpy() -> None:
     """Beyond the fold some paths end; their state, W and the number of the step are kept.
 
-    There Newton's iteration is chaotic, and a last bit may decide which of several solutions it finds: in 11 of 1800
-    paths with six seeds, as in 10 of the compiled engine's. Each was a solution, to a residual of 1e-14.
+    There Newton's iteration is chaotic, and a last bit may decide which of several solutions it
+    finds: in 11 of 1800 paths with six seeds, as in 10 of the compiled engine's. Each was a
+    solution, to a residual of 1e-14.
     """
     arguments = {"h": 1 / 8, "T": 1.0, "paths": 300, "seed": 1}
     card, plain = both(EP, problems.lotka_volterra(), HOST, **arguments)
@@ -267,7 +274,9 @@ def test_a_functional_that_takes_no_array_of_a_card_runs_on_the_host_and_a_note_
 
 @pytest.mark.quick
 def test_a_target_is_added_in_one_file(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A toy: one step of the scheme for one path after the other. It takes no compensated sums, and auto skips it."""
+    """A toy: one step of the scheme for one path after the other. It takes no compensated sums,
+    and auto skips it.
+    """
 
     class Toy:
         def __init__(self, task: Task, problem: sepv.Problem) -> None:

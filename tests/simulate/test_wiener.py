@@ -1,4 +1,6 @@
-"""Wiener increments on all step sizes, rules for expectations over them, and what clipping them as Remark 2.1 costs."""
+"""Wiener increments on all step sizes, rules for expectations over them,
+and what clipping them as Remark 2.1 costs.
+"""
 
 import math
 
@@ -38,8 +40,8 @@ def test_increments_are_independent_normals_of_variance_h() -> None:
     z = wiener.increments(11, T=1.0, steps=steps, noises=2, paths=paths) / math.sqrt(h)
     flat = z.reshape(32, paths)
     covariance = flat @ flat.T / paths
-    # 528 entries, each within 6 standard errors (√2/√M on the diagonal): false alarms below 1e-6 for
-    # a fresh seed, none for this one.
+    # 528 entries, each within 6 standard errors (√2/√M on the diagonal): false alarms below 1e-6
+    # for a fresh seed, none for this one.
     assert np.max(np.abs(covariance - np.eye(32))) < 6 * math.sqrt(2 / paths)
     assert abs(np.mean(z**4) - 3) < 6 * math.sqrt(96 / z.size)
 
@@ -56,7 +58,9 @@ def test_truncation_is_that_of_the_remark(h: float, k: int) -> None:
 
 
 def test_streams_are_those_of_numpy_after_its_mixing() -> None:
-    """SFC64 of numpy is set to the unmixed words and asked for 18 numbers: it stands where the stream begins."""
+    """SFC64 of numpy is set to the unmixed words and asked for 18 numbers:
+    it stands where the stream begins.
+    """
     plan = wiener.grid(1 << 9)
     assert (plan.top, plan.halvings) == (6, 9)
     found = wiener.stream_states(7, range(5, 8), plan)
@@ -82,7 +86,9 @@ def test_a_path_drawn_piece_by_piece_is_the_path(steps: int, refine: int | None)
 
 
 def test_a_bridge_halves_with_the_deviation_at_its_first_half() -> None:
-    """Which of the two halves gets + z decides how steps refine, and is fixed for good: level 1 of two steps."""
+    """Which of the two halves gets + z decides how steps refine, and is fixed for good:
+    level 1 of two steps.
+    """
     plan, seed = wiener.grid(2), 9
     states = wiener.stream_states(seed, [0], plan)[0, :, 0]
     bits = np.random.SFC64(0)
@@ -111,7 +117,9 @@ STEPS = (2.0**-2, 2.0**-6, 2.0**-13, 2.0**-40)
 @pytest.mark.parametrize("h", STEPS)
 @pytest.mark.parametrize(("k", "degree"), [(1, 4), (2, 4), (4, 6), (12, 14), (None, 6)])
 def test_moments_of_one_increment_are_those_of_the_closed_forms(h: float, k: int | None, degree: int) -> None:
-    """Gauss rules on panels are exact for even powers up to the degree; a few roundings are left."""
+    """Gauss rules on panels are exact for even powers up to the degree; a few roundings are
+    left.
+    """
     nodes = rule(1, h, k, degree)
     assert np.all(nodes.weights > 0)
     (xi,), (zeta,) = nodes.xi, nodes.zeta[:, nodes.index]
@@ -166,14 +174,17 @@ def test_clipping_alone_moves_the_end_as_far_as_it_says(problem: problems.Proble
     ends = [exact_flow(problem, problem.random_step(1.0, dW.sum(axis=0))).y for dW in (raw, cut)]
     squared = np.sum((ends[0] - ends[1]) ** 2, axis=0)
     error = float(np.std(squared)) / math.sqrt(squared.size)
-    # Six standard errors of the sample, 2e-9 of false alarm, and a tenth for the higher orders of what is cut off.
+    # Six standard errors of the sample, 2e-9 of false alarm, and a tenth for the higher orders of
+    # what is cut off.
     said = clipping_error(problem, T=1.0, steps=8, k=k) ** 2
     assert abs(said - squared.mean()) < 6 * error + 0.1 * said
     assert 6 * error < 0.6 * said
 
 
 def test_what_clipping_costs_on_the_rigid_body() -> None:
-    """The figures of docs/higher-order.md, by the formula at a glance: |f|² = 0.43 to 0.55 on the way, T = c = 1."""
+    """The figures of docs/higher-order.md, by the formula at a glance:
+    |f|² = 0.43 to 0.55 on the way, T = c = 1.
+    """
     body = problems.rigid_body()
     for steps, k, expected in ((128, 2, 7.0e-4), (128, 4, 3.4e-6), (128, 6, 2.0e-8), (8, 8, 1.5e-5)):
         found = clipping_error(body, T=1.0, steps=steps, k=k)
@@ -188,7 +199,9 @@ def test_what_clipping_costs_on_the_rigid_body() -> None:
 
 @pytest.mark.parametrize("s", [2, 3, 4])
 def test_clipping_costs_little_beside_the_errors_of_a_scheme(s: int) -> None:
-    """With the default k = 4s a tenth of the error of 8 steps; with k = 2s as much as that error, and more."""
+    """With the default k = 4s a tenth of the error of 8 steps; with k = 2s as much as that error,
+    and more.
+    """
     body, scheme = problems.rigid_body(), schemes.collocation(s)
     assert scheme.truncation == truncation_for(s) == 4 * s
     own = tilted_errors(scheme, body, T=1.0, steps=(8,), paths=range(512), seed=1, order=s).rms()[0]

@@ -1,4 +1,6 @@
-"""The gate of the benchmark: what it must see, what it must let pass, and its files and messages."""
+"""The gate of the benchmark: what it must see, what it must let pass, and its files and
+messages.
+"""
 
 import json
 from collections.abc import Callable
@@ -76,7 +78,9 @@ def test_the_evaluations_of_a_scheme_that_reports_nothing_are_seen() -> None:
 
 
 def with_larger_error(factor: float) -> Scheme:
-    """The local error of (2.1) times `factor`: it is of third order in Δ, so that two halves leave a quarter of it."""
+    """The local error of (2.1) times `factor`: it is of third order in Δ,
+    so that two halves leave a quarter of it.
+    """
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         whole = energy_preserving.step(problem, y, h, dW)
@@ -124,7 +128,9 @@ def test_rounding_is_no_regression(base: dict[str, Any]) -> None:
 
 
 def test_errors_of_other_paths_of_the_same_scheme_pass() -> None:
-    """Independent paths: the false alarm of one such check is at most 1e-3, and 20 fixed pairs are tried."""
+    """Independent paths: the false alarm of one such check is at most 1e-3,
+    and 20 fixed pairs are tried.
+    """
     checks = []
     for seed in range(20):
         head, other = ({**CASE[0], "seed": 100 + 2 * seed + n, "paths": 128} for n in (0, 1))
@@ -137,7 +143,9 @@ def test_errors_of_other_paths_of_the_same_scheme_pass() -> None:
 
 
 def test_the_bootstrap_bound_catches_ten_per_cent_and_lets_noise_pass() -> None:
-    """Simulated: batches with a bias of 1 % each, pairs with 5 % noise and a tenth of them doubled on one side."""
+    """Simulated: batches with a bias of 1 % each, pairs with 5 % noise and a tenth of them doubled
+    on one side.
+    """
     rng = np.random.default_rng(7)
 
     def simulated(true: float) -> tuple[float, float, float]:
@@ -248,9 +256,11 @@ def test_a_record_of_other_cases_is_refused(base: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("entry", store.load(str(COUNTERS)), ids=lambda e: e["target"])
 def test_the_committed_counters_are_those_of_today(entry: dict[str, Any]) -> None:
-    """To change them is a visible act: sepv bench … --portable --save benchmarks/counters.json, and say why.
+    """To change them is a visible act: sepv bench … --portable --save benchmarks/counters.json,
+    and say why.
 
-    Collocation with several stages is not among them: LAPACK solves its linear systems, and rounds as it likes.
+    Collocation with several stages is not among them: LAPACK solves its linear systems, and rounds
+    as it likes.
     """
     scheme = schemes.by_name(entry["target"])
     today = store.record(entry["target"], scheme, [c["case"] for c in entry["cases"]])

@@ -1,4 +1,6 @@
-"""Error beside its price: the numbers of a comparison, its table, picture and files, and what is refused."""
+"""Error beside its price: the numbers of a comparison, its table, picture and files,
+and what is refused.
+"""
 
 import csv
 import io
@@ -48,7 +50,8 @@ def test_the_errors_are_those_of_the_convergence_laws(found: Comparison) -> None
     body = problems.rigid_body()
     theirs = strong_errors(schemes.energy_preserving, body, T=1.0, steps=STEPS, paths=range(64))
     ours = [p.strong.value for p in found.of("energy-preserving")]
-    # With 4 steps some increments are clipped: users pay for the clip, and the laws do not judge it.
+    # With 4 steps some increments are clipped: users pay for the clip, and the laws do not judge
+    # it.
     assert np.allclose(ours[1:], theirs.rms()[1:], rtol=1e-12, atol=0)
     assert ours[0] > theirs.rms()[0]
     weak = [p.weak.value for p in found.of("energy-preserving")]
@@ -295,7 +298,8 @@ def test_it_says_how_far_it_is_from_the_first_method_on(found: Comparison) -> No
     assert shares == sorted(shares)
     assert (shares[0], said[0][0]) == (0.0, "energy-preserving, 4 steps")
     assert shares[-1] < 1
-    # A first call and an errors' run for each of three cells, and three calls in each of two rounds.
+    # A first call and an errors' run for each of three cells, and three calls in each of two
+    # rounds.
     assert len(said) == 3 + 3 + 6
 
 

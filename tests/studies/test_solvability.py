@@ -1,4 +1,6 @@
-"""Solvability by folds and simulation, paths that leave a set, and energy over long times by three derivations."""
+"""Solvability by folds and simulation, paths that leave a set,
+and energy over long times by three derivations.
+"""
 
 import math
 from math import pi, sin, sqrt
@@ -21,8 +23,9 @@ from sepv.studies._solvability.branch import End, follow
 from sepv.studies._solvability.map import Ending, chance_outside, solvability_map
 from sepv.studies._solvability.paths import Exits, follow_paths
 
-# H = q²p: the equation of q alone is Δq1² + (Δ − 3)q1 + Δ + 3 = 0 from q0 = 1, with the discriminant
-# 9 − 18Δ − 3Δ²: a fold at Δ = 2√3 − 3. Backwards p1 has a pole where q1 = 0, at Δ = −3.
+# H = q²p: the equation of q alone is Δq1² + (Δ − 3)q1 + Δ + 3 = 0 from q0 = 1, with the
+# discriminant 9 − 18Δ − 3Δ²: a fold at Δ = 2√3 − 3. Backwards p1 has a pole where q1 = 0, at
+# Δ = −3.
 FOLDED = problems.build(
     problems.from_json({"dimension": 2, "hamiltonian": [[[1, 2], 1]], "structure": [[0, 1, [[[0, 0], -1]]]]})
 )
@@ -42,7 +45,9 @@ def test_a_pole_is_an_escape_to_infinity() -> None:
 
 
 def test_bounded_levels_have_solutions_as_far_as_asked() -> None:
-    """|y1| = |y0| for the rigid body; p is bounded and q moves by at most |Δ| |p| for the pendulum."""
+    """|y1| = |y0| for the rigid body; p is bounded and q moves by at most |Δ| |p| for the
+    pendulum.
+    """
     for name, furthest in (("rigid-body", 5.0), ("pendulum", 4.0)):
         problem = problems.by_name(name)
         y = np.repeat(np.asarray(problem.initial)[:, None], 2, axis=1)
@@ -51,7 +56,9 @@ def test_bounded_levels_have_solutions_as_far_as_asked() -> None:
 
 
 def test_the_map_agrees_with_the_fold_of_lotka_volterra() -> None:
-    """Steps of |Δ| up to about 0.26 were solved from every state that was tried, beyond not from all of them."""
+    """Steps of |Δ| up to about 0.26 were solved from every state that was tried,
+    beyond not from all of them.
+    """
     found = solvability_map(problems.lotka_volterra(), furthest=1.0, states=24, grid=4, time=3.0)
     low, high = found.safe
     assert 0.26 < high < 0.29
@@ -76,7 +83,9 @@ def test_the_shortest_branches_do_not_hang_on_the_number_of_states() -> None:
 
 
 def test_paths_leave_the_orbit_and_come_to_steps_that_are_refused() -> None:
-    """Lotka-Volterra, h = 2⁻⁷, at which no step from the orbit fails: (2.1) loses the Casimir and all paths."""
+    """Lotka-Volterra, h = 2⁻⁷, at which no step from the orbit fails: (2.1)
+    loses the Casimir and all paths.
+    """
     pytest.importorskip("numba")
     problem, h = problems.lotka_volterra(), 2.0**-7
     arguments = {"until": 384.0, "paths": 16, "seconds": math.inf}
@@ -159,7 +168,8 @@ def test_the_command_draws(tmp_path) -> None:
 
 
 def test_a_fold_predicts_the_failures_of_steps() -> None:
-    """Of 4096 first steps of Lotka-Volterra from its most delicate states, those beyond the fold fail, and no others.
+    """Of 4096 first steps of Lotka-Volterra from its most delicate states,
+    those beyond the fold fail, and no others.
 
     Six standard errors.
     """
@@ -206,7 +216,9 @@ def test_the_energy_preserving_scheme_never_leaves_and_its_bound_is_rounding(pen
 
 
 def test_errors_of_paths_that_stay_have_order_one(pendulum) -> None:
-    """Halved four times with h; 400 paths on the same seeds, where the ratio's spread is some per cent."""
+    """Halved four times with h; 400 paths on the same seeds,
+    where the ratio's spread is some per cent.
+    """
     coarse, fine = (measured(pendulum, "midpoint", n, PATHS).rms for n in (16, 64))
     assert 2.5 < coarse / fine < 7
 
@@ -219,7 +231,8 @@ def test_the_moments_of_a_step_fall_as_theory_says(pendulum) -> None:
 
 
 def test_energy_and_casimir_of_lotka_volterra_bound_a_compact_set() -> None:
-    """With u = ln y2, v = ln y3 and C = C(y0), H = 2 exp(C − (u + v)/2) + e^u + 2e^v + u − 2v is convex.
+    """With u = ln y2, v = ln y3 and C = C(y0), H = 2 exp(C − (u + v)/2) + e^u + 2e^v + u − 2v is
+    convex.
 
     Of all directions only zero has −(u + v), u, v ≤ 0: H grows in each, and far out exceeds H(y0).
     """
@@ -239,10 +252,12 @@ C2 = 1.25  # c1² + c2²
 
 
 def leading_order() -> tuple[float, float, float]:
-    """Offset/h, drift/h² and D/h² of the midpoint rule on the pendulum, untruncated, from c − c̃ and by quadrature.
+    """Offset/h, drift/h² and D/h² of the midpoint rule on the pendulum, untruncated,
+    from c − c̃ and by quadrature.
 
-    With r² = H + 1, p = √2 r cos α, sin(q/2) = r sin α/√2 the flow is α′ = cos(q/2): dθ = dα/cos(q/2) on an orbit, and
-    G = H‴(f, f, f)/24 = −p³ sin q/24, H₂ = −H″(f, f)/24 = −(sin²q + p² cos q)/24.
+    With r² = H + 1, p = √2 r cos α, sin(q/2) = r sin α/√2 the flow is α′ = cos(q/2): dθ
+    = dα/cos(q/2) on an orbit, and G = H‴(f, f, f)/24 = −p³ sin q/24, H₂ = −H″(f, f)/24 = −(sin²q
+    + p² cos q)/24.
     """
     alpha = 2 * pi * np.arange(256) / 256
 
@@ -264,7 +279,9 @@ def leading_order() -> tuple[float, float, float]:
 
 
 def test_the_steps_themselves_and_the_local_error_give_one_walk_drift_and_offset() -> None:
-    """Both agree as h → 0: the relative difference falls with h, and its extrapolation by h and h² is below 1 %."""
+    """Both agree as h → 0: the relative difference falls with h,
+    and its extrapolation by h and h² is below 1 %.
+    """
     found = []
     for h in (2.0**-5, 2.0**-6, 2.0**-7):
         d = energy_diffusion(schemes.midpoint, PENDULUM, h)
@@ -277,10 +294,11 @@ def test_the_steps_themselves_and_the_local_error_give_one_walk_drift_and_offset
 
 
 def expectations(h: float, T: float) -> tuple[Array, Array, Array]:
-    """Times, E[H − H(y0)] and Var H of the midpoint rule without a sample: powers of the Markov operator.
+    """Times, E[H − H(y0)] and Var H of the midpoint rule without a sample:
+    powers of the Markov operator.
 
-    It acts on functions of r² = H + 1, Chebyshev's polynomials, and of the angle α, Fourier's. Paths that leave the
-    interval of r² stop there: six standard deviations at T.
+    It acts on functions of r² = H + 1, Chebyshev's polynomials, and of the angle α, Fourier's.
+    Paths that leave the interval of r² stop there: six standard deviations at T.
     """
     low, high, N, waves = 0.1, 0.95, 28, np.arange(-10, 11)
 
@@ -309,7 +327,9 @@ def expectations(h: float, T: float) -> tuple[Array, Array, Array]:
 
 
 def test_powers_of_the_markov_operator_have_the_drift_the_walk_and_the_offset() -> None:
-    """Nothing of the theory is used: no orbit, no action, no sample. The theory leaves terms of relative size h."""
+    """Nothing of the theory is used: no orbit, no action, no sample.
+    The theory leaves terms of relative size h.
+    """
     h = 2.0**-4
     t, mean, variance = expectations(h, 128.0)
     theory = energy_diffusion(schemes.midpoint, PENDULUM, h)
@@ -324,7 +344,8 @@ def test_paths_show_the_walk_and_the_drift_of_the_theory() -> None:
     found = growth(schemes.midpoint, PENDULUM, h=2.0**-3, T=128.0, paths=800, engine="numpy")
     assert found.kind == "a random walk"
     theory = found.derived
-    # Five standard errors: a false alarm in a million; beside them the theory's own error, h of the drift.
+    # Five standard errors: a false alarm in a million; beside them the theory's own error, h of the
+    # drift.
     expected = theory.offset + theory.drift * 128
     assert abs(found.mean[-1] - expected) < 5 * found.error[-1] + found.derived.drift * 128 / 8
     assert found.rms[-1] == pytest.approx(np.sqrt(2 * theory.diffusion * 128), rel=0.2)
@@ -366,8 +387,9 @@ def _errors(kind: str, rng: np.random.Generator, paths: int = 256) -> Array:
 
 
 def test_intervals_take_one_growth_for_another_as_seldom_as_they_say() -> None:
-    """Of 1000 runs of each kind 1 is expected to be called another one, and 1 of each two to drift: more than 6 are a
-    chance of 1e-4. Long walks are decided."""  # fmt: skip
+    """Of 1000 runs of each kind 1 is expected to be called another one, and 1 of each two to drift:
+    more than 6 are a chance of 1e-4. Long walks are decided.
+    """  # fmt: skip
     rng = np.random.default_rng(0)
     for kind in ("bounded", "a random walk", "linear"):
         runs = [judged("", TIMES, _errors(kind, rng), rounding=0.0) for _ in range(1000)]

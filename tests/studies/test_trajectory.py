@@ -63,7 +63,9 @@ def test_rows_with_increments_are_steps_of_the_scheme_that_made_them(tmp_path: P
 
 
 def test_kinds_of_growth_are_told_apart_or_left_open(tmp_path: Path) -> None:
-    """A bounded error of period 1, a random walk, a linear drift; all are of H = y1 of a still problem."""
+    """A bounded error of period 1, a random walk, a linear drift;
+    all are of H = y1 of a still problem.
+    """
     still = sepv.Problem(
         2, ((0.0, 1.0), (-1.0, 0.0)), lambda y: y[0] + 0 * y[1], noise=(), initial=(0.0, 0.0)
     )
@@ -147,14 +149,14 @@ def test_increments_that_are_missing_are_asked_for(tmp_path: Path) -> None:
         study.first_mismatch(study.read_rows(tmp_path / "a.csv", PENDULUM), PENDULUM, schemes.midpoint)
 
 
-# McLachlan's third-order splitting, as in SUNDIALS' ARKODE_SPRK_MCLACHLAN_3_3; the coefficients of q are those of p,
-# last first.
+# McLachlan's third-order splitting, as in SUNDIALS' ARKODE_SPRK_MCLACHLAN_3_3; the coefficients of
+# q are those of p, last first.
 OF_P = np.array([0.2683300957817599, -0.18799161879915982, 0.919661523017399857])
 # H(p, q) − H0 at t = 50 by step size, from examples/arkode/C_serial/ark_kepler_…MCLACHLAN_3_3….out
 # of SUNDIALS (LLNL/sundials at 0df4cce2, BSD-3-Clause).
 SUNDIALS = {0.1: 8.9881034690120210e-04, 0.05: 1.2012096161595487e-04, 0.025: 1.3406075334732037e-05}
-# Energies at every 100th step of 1e-4, from src/ts/tutorials/hamiltonian/output/ex1_1.out of PETSc (petsc/petsc at
-# 905158c6, BSD-2-Clause): symplectic Euler on a spring with ω = 64.
+# Energies at every 100th step of 1e-4, from src/ts/tutorials/hamiltonian/output/ex1_1.out of PETSc
+# (petsc/petsc at 905158c6, BSD-2-Clause): symplectic Euler on a spring with ω = 64.
 PETSC = ("81.92", "81.6695", "81.7775", "82.09", "82.1612", "81.8895", "81.6625", "81.8041", "82.1122", "82.1473",
          "81.8593")  # fmt: skip
 
@@ -163,7 +165,9 @@ PETSC = ("81.92", "81.6695", "81.7775", "82.09", "82.1612", "81.8895", "81.6625"
 def test_the_drift_of_a_published_kepler_orbit_is_the_one_that_sundials_printed(
     tmp_path: Path, h: float
 ) -> None:
-    """The log has energies and no states, so its scheme is written here, and its states are read as a table."""
+    """The log has energies and no states, so its scheme is written here,
+    and its states are read as a table.
+    """
     kepler = replace(problems.kepler(), noise=(), data=None, check=False)
     y = np.array(kepler.initial)
     p, q = y[:2], y[2:]
@@ -175,7 +179,8 @@ def test_the_drift_of_a_published_kepler_orbit_is_the_one_that_sundials_printed(
         rows.append(((n + 1) * h, *p, *q))
     np.save(tmp_path / "kepler.npy", np.array(rows))
     drift = study.drifts(study.read_rows(tmp_path / "kepler.npy", kepler), kepler)[0]
-    # Roundings of at most 2,000 steps, √N eps times a condition of the pericentre of about 20; 5e-15 were seen.
+    # Roundings of at most 2,000 steps, √N eps times a condition of the pericentre of about 20;
+    # 5e-15 were seen.
     assert drift.errors[-1] == pytest.approx(SUNDIALS[h], abs=1e-13)
     assert drift.kind not in ("rounding", "digits", "a random walk")
 

@@ -13,7 +13,9 @@ from sepv.simulate import truncate
 
 
 def _by_quadrature(scheme: str, nodes: int = 400) -> dict[str, float]:
-    """E φ(y_2) of two steps of the oscillator with one noise, by the rectangle rule over both clipped increments."""
+    """E φ(y_2) of two steps of the oscillator with one noise,
+    by the rectangle rule over both clipped increments.
+    """
     problem = problems.harmonic_oscillator()
     h, x = study.T / 2, np.linspace(-8, 8, nodes)
     weights = np.exp(-0.5 * x * x) / np.exp(-0.5 * x * x).sum()
@@ -28,7 +30,9 @@ def _by_quadrature(scheme: str, nodes: int = 400) -> dict[str, float]:
 
 @pytest.mark.parametrize("scheme", ["energy-preserving", "euler-heun"])
 def test_weak_errors_of_two_steps_are_those_by_quadrature(scheme: str) -> None:
-    """Five standard errors: a false alarm has the probability 2e-6 for all three functions, over seeds."""
+    """Five standard errors: a false alarm has the probability 2e-6 for all three functions,
+    over seeds.
+    """
     problem = problems.harmonic_oscillator()
     assert problem.noises == 1
     exact, quadrature = study.expectations(problem), _by_quadrature(scheme)

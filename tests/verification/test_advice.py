@@ -1,4 +1,6 @@
-"""Advice beside a violation names its cause: faults of real programs in small schemes; right schemes get none."""
+"""Advice beside a violation names its cause: faults of real programs in small schemes;
+right schemes get none.
+"""
 
 import json
 from itertools import count
@@ -141,7 +143,9 @@ def powers(step, law: str) -> float | None:
 
 
 def test_the_power_of_h_with_which_a_defect_falls_stands_beside_it() -> None:
-    """The midpoint rule moves H by Δ³ = O(h^{3/2}); Heun's method has a defect Δ⁴ of quadratic Casimirs, O(h²)."""
+    """The midpoint rule moves H by Δ³ = O(h^{3/2}); Heun's method has a defect Δ⁴ of quadratic
+    Casimirs, O(h²).
+    """
     assert powers(schemes.midpoint.step, "energy") == pytest.approx(1.5, abs=0.1)
     report = verify(Scheme("heun", heun), laws="casimir,poisson-map:constant")
     for law in ("casimir", "poisson-map:constant"):
@@ -173,7 +177,9 @@ def test_a_power_is_not_named_where_none_is_clear() -> None:
 
 
 def test_where_equal_bits_are_asked_no_part_of_the_step_is_looked_for() -> None:
-    """The defect is one of roundings there, and each part costs a measurement of a batch of thousands of states."""
+    """The defect is one of roundings there, and each part costs a measurement of a batch of
+    thousands of states.
+    """
     (law,), asked = load_laws(["reproducibility"]), list[Case]()
     case = Case(problems.rigid_body().data, (0.8, 0.6, 0.1), 0.125, (0.25,))
 
@@ -227,7 +233,9 @@ def test_init_that_remembers_an_earlier_run_is_named() -> None:
 
 
 def test_a_counterexample_in_strange_units_is_shown_in_known_ones() -> None:
-    """The law is violated in all units; and one that is violated in strange units alone stays as it is."""
+    """The law is violated in all units; and one that is violated in strange units alone stays as it
+    is.
+    """
     plain = Case(problems.build(problems.rigid_body().data).data, (0.5, 0.5, 0.0), 0.25, (0.0,))
     assert not in_strange_units(plain)
     H = {
@@ -248,7 +256,9 @@ def test_a_counterexample_in_strange_units_is_shown_in_known_ones() -> None:
     ("asked", "strange"), [("canonical-separable", False), ("harmonic-oscillator", True)]
 )
 def test_a_familys_counterexample_is_shown_in_known_units_and_a_users_problem_stays(asked, strange) -> None:
-    """A family has its systems in all units; another problem than the user's would be none of the scheme's."""
+    """A family has its systems in all units; another problem than the user's would be none of the
+    scheme's.
+    """
     where = Cases().of_problems(items(asked))
     assert not isinstance(where, str)
     one = PolynomialSystem(

@@ -1,4 +1,6 @@
-"""*agreement*: two programs of one method agree up to roundings, and a port with a fault does not."""
+"""*agreement*: two programs of one method agree up to roundings, and a port with a fault does
+not.
+"""
 
 import json
 import shlex
@@ -179,7 +181,9 @@ def test_a_solver_that_stops_early_is_told_to_state_its_tolerance() -> None:
 
 
 def test_roundings_that_another_equation_magnifies_are_no_difference() -> None:
-    """A term that (2.1) does not have, with a derivative of 1e7 along y: two orders of its sum part beyond r."""
+    """A term that (2.1) does not have, with a derivative of 1e7 along y:
+    two orders of its sum part beyond r.
+    """
 
     def steep(problem: Problem, y: Array, h: float, dW: Array, shift: float) -> Array:
         # Both are sin(1e7 |y|²/s²) h with s = max|y|, in another order of operations.

@@ -1,4 +1,6 @@
-"""Invariants are looked at along the paths that laws about paths make, for schemes without memory."""
+"""Invariants are looked at along the paths that laws about paths make, for schemes without
+memory.
+"""
 
 import pickle
 from typing import Any

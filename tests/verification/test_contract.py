@@ -1,4 +1,6 @@
-"""What the contract sees beyond one question asked twice and what it leaves alone; steps that have no solution."""
+"""What the contract sees beyond one question asked twice and what it leaves alone;
+steps that have no solution.
+"""
 
 import platform
 from contextlib import nullcontext
@@ -206,7 +208,9 @@ def test_a_scheme_too_slow_to_be_asked_so_often_is_asked_as_often_as_time_allows
 
 @pytest.mark.parametrize("noises", [2, 3, 4])
 def test_increments_at_each_others_place_are_seen_whatever_their_number(noises: int) -> None:
-    """Reversing two noises, or turning four by two, leaves an exchange alone that the other questions change."""
+    """Reversing two noises, or turning four by two, leaves an exchange alone that the other
+    questions change.
+    """
 
     def turned(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         m = problem.noises
@@ -246,7 +250,9 @@ def shortened(case: Case, share: float) -> Case:
 
 @pytest.mark.parametrize("systems", [Systems.SINGLE, Systems.NAMBU])
 def test_the_quadratic_equation_is_that_component_of_the_step(systems: Systems) -> None:
-    """Against y1 − y0 − Δ B(ȳ)∇̄H from the problem's own functions, Gauss nodes for the average, at any y1."""
+    """Against y1 − y0 − Δ B(ȳ)∇̄H from the problem's own functions, Gauss nodes for the average,
+    at any y1.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(5)
     rng = np.random.default_rng(2)
     for n in range(40):
@@ -266,7 +272,9 @@ def test_the_quadratic_equation_is_that_component_of_the_step(systems: Systems) 
 
 
 def test_where_the_proof_ends_the_step_is_solved() -> None:
-    """A case is at most nine times as long as to its fold: the first of these shares that is inside is solved."""
+    """A case is at most nine times as long as to its fold:
+    the first of these shares that is inside is solved.
+    """
     for n in range(12):
         case = made(Random(n), Systems.SINGLE)
         shares = 2.0 ** -np.arange(0, 5, 1 / 16)

@@ -1,4 +1,6 @@
-"""Right schemes on problems and steps that once had them accused, and faults next to them that are found."""
+"""Right schemes on problems and steps that once had them accused,
+and faults next to them that are found.
+"""
 
 from __future__ import annotations
 
@@ -67,7 +69,9 @@ def test_changes_of_the_energy_of_a_batch_lose_no_digits() -> None:
 
 
 def test_a_hidden_energy_with_a_large_constant_is_not_judged() -> None:
-    """Its code takes binary64 numbers alone, and the rounding of 1e12 is larger than any change of H."""
+    """Its code takes binary64 numbers alone, and the rounding of 1e12 is larger than any change
+    of H.
+    """
     own = planar(
         lambda y: 1e12 + np.vectorize(lambda p, q: 0.5 * p * p - math.cos(q), otypes=[float])(y[0], y[1]),
         (0.5, 1.0), gradient=lambda y: np.stack([y[0], np.sin(y[1])]), check=False, name="hidden",
@@ -94,7 +98,9 @@ def test_a_number_that_is_none_decides_nothing() -> None:
 
 
 def test_a_solution_that_escapes_in_finite_time_is_no_error_of_the_scheme() -> None:
-    """H = q²p, q̇ = q²: the flow from q = 1 ends at θ = 1, which the random time passes on most paths."""
+    """H = q²p, q̇ = q²: the flow from q = 1 ends at θ = 1,
+    which the random time passes on most paths.
+    """
     own = planar(lambda y: y[1] ** 2 * y[0], (1.0, 1.0), name="escaping")
     says(EP, "rounding", "not applicable", "the exact solution escapes on half of the paths", problems=own)
 
@@ -118,7 +124,9 @@ CLIPPED = ["identity", "midpoint", "reduction", "noise-sum", "random-step", "ref
 
 @pytest.mark.parametrize("k", [2, 3, 8])
 def test_a_scheme_that_clips_as_the_remark_says_or_less_is_asked_within_its_clip(k: int) -> None:
-    """Also with k = 3 and 8, where the step takes longer increments than Scheme.truncation = 2 says."""
+    """Also with k = 3 and 8, where the step takes longer increments than Scheme.truncation = 2
+    says.
+    """
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         most = np.sqrt(2 * k * abs(h * np.log(abs(h)))) if h else 0.0

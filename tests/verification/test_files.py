@@ -1,4 +1,6 @@
-"""What a run leaves for others: JSON by its schema, JUnit XML, a badge, expected failures, and marks on GitHub."""
+"""What a run leaves for others: JSON by its schema, JUnit XML, a badge, expected failures,
+and marks on GitHub.
+"""
 
 import inspect
 import json
@@ -145,7 +147,9 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
 
 
 def test_a_red_run_shows_broken_claims_first_and_junit_says_by_how_much() -> None:
-    """Laws in the order of the suite: identity and casimir are violated, and only casimir is claimed."""
+    """Laws in the order of the suite: identity and casimir are violated,
+    and only casimir is claimed.
+    """
     report = sepv.verify(drifting, laws="identity,casimir", claims="casimir", effort=FEW)
     below_the_table = str(report).rpartition("─\n")[2]
     assert below_the_table.index("casimir violated") < below_the_table.index("identity violated")

@@ -1,4 +1,6 @@
-"""Laws about a step are asked of steps in the middle of a path; orders of methods with memory are those of paths."""
+"""Laws about a step are asked of steps in the middle of a path;
+orders of methods with memory are those of paths.
+"""
 
 from dataclasses import replace
 from typing import Any

@@ -1,4 +1,6 @@
-"""The law *invariant*: functions that a user states change as along the exact flow, on each path or in the mean."""
+"""The law *invariant*: functions that a user states change as along the exact flow,
+on each path or in the mean.
+"""
 
 import json
 import math
@@ -141,7 +143,9 @@ def test_a_quintillionth_of_angular_momentum_is_seen() -> None:
 
 
 def rotated(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Rotations about the axes 3, 1 and 2 by the angles h, c_1ΔW_1 and c_2ΔW_2: the flows of y_3, y_1 and y_2."""
+    """Rotations about the axes 3, 1 and 2 by the angles h, c_1ΔW_1 and c_2ΔW_2: the flows of y_3,
+    y_1 and y_2.
+    """
     for axis, angle in ((2, h), (0, problem.c[0] * dW[0]), (1, problem.c[1] * dW[1])):
         i, j = (axis + 1) % 3, (axis + 2) % 3
         y = y.copy()
@@ -155,7 +159,9 @@ def louder(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 @pytest.mark.parametrize(("step", "verdict"), [(rotated, Verdict.HOLDS), (louder, Verdict.VIOLATED)])
 def test_a_mean_that_decays_is_judged_by_quadrature(step: Any, verdict: Verdict) -> None:
-    """E[cos(cΔW)] = e^(−c²h/2) for each of both noises, so rotations have the exact mean; noise 2⁻²⁰ larger has not."""
+    """E[cos(cΔW)] = e^(−c²h/2) for each of both noises, so rotations have the exact mean;
+    noise 2⁻²⁰ larger has not.
+    """
     found = asked(sepv.Scheme("rotations", step, systems="hamiltonians"), spin())
     assert found.verdict is verdict, found.message
     assert verdict is Verdict.HOLDS or "E[height(y1)]" in found.message
@@ -176,7 +182,9 @@ def root(q: Array) -> Array:
 
 
 def auxiliary(structure: Any = None) -> Problem:
-    """The extended system of a scalar auxiliary variable r = √V(q): B(y) with the slope g = dr/dq, H = ½p² + r²."""
+    """The extended system of a scalar auxiliary variable r = √V(q): B(y) with the slope g = dr/dq,
+    H = ½p² + r².
+    """
 
     def B(y: Array) -> Array:
         zero = 0 * y[0]

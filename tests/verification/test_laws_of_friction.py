@@ -1,4 +1,6 @@
-"""The laws of friction: right values of the oscillator, right schemes, and schemes broken on purpose."""
+"""The laws of friction: right values of the oscillator, right schemes,
+and schemes broken on purpose.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -81,7 +83,9 @@ def test_the_step_of_gjf_has_the_determinant_600_for_607() -> None:
 
 
 def test_a_long_path_has_the_variances_that_the_law_computes() -> None:
-    """100 units of time of 2048 paths; the interval is five standard errors (a false alarm in 2e6), √2/√2048 of 1."""
+    """100 units of time of 2048 paths; the interval is five standard errors (a false alarm in 2e6),
+    √2/√2048 of 1.
+    """
     ends = sepv.ensemble("baoab", langevin_oscillator(), h=0.5, T=20.0, paths=2048, seed=7).y
     np.testing.assert_allclose(np.mean(ends**2, axis=1), [1.0, 0.9375], atol=5 * np.sqrt(2 / 2048))
 

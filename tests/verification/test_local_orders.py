@@ -1,4 +1,6 @@
-"""Orders from errors of one step, at every decade of h: right schemes hold their claims, wrong ones show by slopes."""
+"""Orders from errors of one step, at every decade of h: right schemes hold their claims,
+wrong ones show by slopes.
+"""
 
 import math
 import re
@@ -56,7 +58,9 @@ def flow(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def hermite(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """φ_Δ(y0) + ½ f(y0)(S³ − 3c²hS): a local rms error of order 3/2 whose mean is zero, as is its mean with S."""
+    """φ_Δ(y0) + ½ f(y0)(S³ − 3c²hS): a local rms error of order 3/2 whose mean is zero,
+    as is its mean with S.
+    """
     y0, noise = as_lanes(problem, y, h, dW)
     S, c2 = problem.random_step(0.0, noise), float(np.sum(problem.c**2))
     bump = 0.5 * vector_field(problem, y0) * (S**3 - 3 * c2 * h * S)
@@ -86,7 +90,9 @@ def test_two_half_steps_and_the_exact_flow_are_right() -> None:
 
 @pytest.mark.parametrize("truncation", [None, pytest.param(4, marks=pytest.mark.deep)])
 def test_a_scheme_of_weak_order_two_and_mean_square_order_one_is_seen_as_both(truncation: int | None) -> None:
-    """E[S³ − 3c²hS] = 0 and E[S(S³ − 3c²hS)] = 0, so that the moments of the step are right to O(h³)."""
+    """E[S³ − 3c²hS] = 0 and E[S(S³ − 3c²hS)] = 0, so that the moments of the step are right to
+    O(h³).
+    """
     orders = {"mean_square_order": 1.0, "weak_order": 2.0}
     scheme = Scheme("hermite", hermite, truncation=truncation, batched=True, **orders)
     report = measured(scheme)
@@ -129,7 +135,9 @@ def test_a_scheme_that_clips_more_than_it_says_does_not_take_its_increments(k: f
 
 
 def test_order_five_does_not_pass_for_six() -> None:
-    """So few errors of these orders are above rounding that their slopes still rise there: no accusation, no pass."""
+    """So few errors of these orders are above rounding that their slopes still rise there:
+    no accusation, no pass.
+    """
     claims = replace(schemes.collocation(5), mean_square_order=6.0, weak_order=None, truncation=12)
     assert verdicts(claims)[:2] == ["inconclusive"] * 2
 
@@ -304,7 +312,9 @@ def test_a_step_that_explodes_in_a_window_is_seen() -> None:
 
 
 def divided(length: float) -> Step:
-    """(2.1) in equal parts that are no longer than a length in seconds: errors fall with a slope of ½ above it."""
+    """(2.1) in equal parts that are no longer than a length in seconds:
+    errors fall with a slope of ½ above it.
+    """
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         parts = min(64, math.ceil(h / length))
@@ -332,7 +342,9 @@ RIGHT: dict[str, Step] = {
 @pytest.mark.parametrize("name", but_deep(RIGHT, "parts of 1e-5"))
 @pytest.mark.parametrize("seed", but_deep(range(3), 1, 2))
 def test_right_schemes_with_lengths_of_their_own_hold(name: str, seed: int) -> None:
-    """Their errors have other constants below and above some h, or a low slope where they are small."""
+    """Their errors have other constants below and above some h,
+    or a low slope where they are small.
+    """
     for law in ("truncation", "local-mean-square"):
         assert verdict(RIGHT[name], law, seed) is Verdict.HOLDS
 

@@ -1,4 +1,6 @@
-"""Names of laws: parts of laws are claimed apart, and names of former versions work and are noted once."""
+"""Names of laws: parts of laws are claimed apart, and names of former versions work and are noted
+once.
+"""
 
 import json
 import warnings
@@ -56,7 +58,9 @@ def test_the_part_of_a_law_is_claimed_without_the_law() -> None:
 
 
 def test_a_scheme_claims_casimirs_of_friction_and_says_nothing_of_those_of_lotka_and_volterra() -> None:
-    """The step of *conformal* without friction is (2.1), which loses the Casimir ln y1 + bd ln y2 − d ln y3."""
+    """The step of *conformal* without friction is (2.1),
+    which loses the Casimir ln y1 + bd ln y2 − d ln y3.
+    """
     report = sepv.verify("conformal", laws="invariant:casimir", problems="lotka-volterra", effort=FEW)
     (found,) = report.findings
     assert found.claimed

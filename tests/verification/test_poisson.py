@@ -1,4 +1,6 @@
-"""Structure and symmetry: Jacobi's identity, the derivative of a step, reversed momenta, volume, each by itself."""
+"""Structure and symmetry: Jacobi's identity, the derivative of a step, reversed momenta, volume,
+each by itself.
+"""
 
 import math
 from dataclasses import replace
@@ -53,12 +55,14 @@ def test_the_algebras_that_systems_are_drawn_from_have_jacobis_identity_and_thei
 
 
 def test_a_structure_without_the_identity_is_told() -> None:
-    # B_12 = y3 and B_13 = 1: w = (0, −1, y3), w · curl w = 0 · 0 + …; with B_23 = y1 it is not zero.
+    # B_12 = y3 and B_13 = 1: w = (0, −1, y3), w · curl w = 0 · 0 + …; with B_23 = y1 it is not
+    # zero.
     x = [poly.variable(3, k) for k in range(3)]
     B = ((0, 1, x[2]), (0, 2, poly.constant(3, 1.0)), (1, 2, x[1]))
     problem = problems.build(PolynomialSystem(3, poly.multiply(x[0], x[0]), B))
     y = np.array([0.5, 1.0, 2.0])
-    # By hand: Σ over cycles of Σ_l B_il ∂_lB_jk = B_12 ∂_2B_23 + B_32 ∂_2B_12 + B_23 ∂_3B_12 … = y3 + B_33·1 = y3 here.
+    # By hand: Σ over cycles of Σ_l B_il ∂_lB_jk = B_12 ∂_2B_23 + B_32 ∂_2B_12 + B_23 ∂_3B_12
+    # … = y3 + B_33·1 = y3 here.
     w, curl = np.array([y[1], -1.0, y[2]]), np.array([0.0, 0.0, -1.0])
     assert np.abs(jacobi_defect(problem, y)).max() == pytest.approx(abs(w @ curl))
     assert not is_poisson(problem, y)
@@ -86,7 +90,8 @@ def test_a_condition_on_b_that_holds_at_one_state_alone_is_not_taken_for_it() ->
 
 @given(st.integers(0, 99))
 def test_the_derivative_of_a_step_is_within_its_bound(seed: int) -> None:
-    # Against the exact derivative of the midpoint rule: (I − ½ΔS)⁻¹(I + ½ΔS), S the slope of the field at the middle.
+    # Against the exact derivative of the midpoint rule: (I − ½ΔS)⁻¹(I + ½ΔS), S the slope of the
+    # field at the middle.
     rng = np.random.default_rng(seed)
     problem = problems.build(
         PolynomialSystem(2, poly.polynomial(2, {(2, 0): 0.5, (0, 2): 0.5, (3, 0): 0.5, (1, 2): -0.25}),
@@ -114,7 +119,8 @@ def _moved(step: sepv.schemes._scheme.Step, by: float) -> sepv.schemes._scheme.S
 
 
 def test_structure_and_energy_are_different_laws() -> None:
-    # A translation is symplectic, and keeps no energy. (2.1) keeps the energy, and is not symplectic.
+    # A translation is symplectic, and keeps no energy. (2.1) keeps the energy, and is not
+    # symplectic.
     moved = replace(midpoint, step=_moved(midpoint.step, 2.0**-20), solve=None)
     asked = verdicts(moved, "poisson-map:constant,energy,casimir", **QUICK)
     assert asked == {"poisson-map:constant": "holds", "energy": "violated", "casimir": "violated"}
@@ -145,7 +151,8 @@ def test_problems_without_the_identity_are_not_asked_about() -> None:
 
 
 def test_compositions_whose_substeps_leave_the_step_are_not_accused() -> None:
-    """Shares of 4.4 |Δ| in all make the disc of Cauchy's estimate smaller than assumed: H. Yoshida (1990).
+    """Shares of 4.4 |Δ| in all make the disc of Cauchy's estimate smaller than assumed: H.
+    Yoshida (1990).
 
     The bound has room for that: defects are below a twentieth of it.
     """
@@ -233,7 +240,9 @@ def test_the_transformed_system_is_the_same_system_in_other_variables() -> None:
 
 
 def test_the_rounding_of_itos_correction_accuses_nobody() -> None:
-    """ΔW far below √h: ½c²hf′f moves y by 1 and Δf by 0.01, and H has terms that cancel in moved coordinates."""
+    """ΔW far below √h: ½c²hf′f moves y by 1 and Δf by 0.01,
+    and H has terms that cancel in moved coordinates.
+    """
     H = poly.polynomial(4, [((0, 0, 0, 2), -98304.0), ((1, 1, 1, 0), 262144.0)])
     system = PolynomialSystem(4, H, ((1, 3, poly.constant(4, 1.0)),), (2.0,))
     y = (1.0, -0.7017122627277087, 0.00034158379798636206, 0.9723055064388266)
@@ -266,7 +275,9 @@ def test_a_hamiltonian_odd_in_the_momenta_has_no_reversal() -> None:
 
 
 def verlet(problem: Problem, y: Array, h: float, dW: Array, friction: float = 0.0, halves: int = 2) -> Array:
-    """Verlet's method, with friction for a factor of the momenta; with one half it is symplectic Euler."""
+    """Verlet's method, with friction for a factor of the momenta;
+    with one half it is symplectic Euler.
+    """
     if h < 0:
         raise ArithmeticError("no step backward in time")
     system, dt = mechanics(problem), problem.random_step(h, dW)

@@ -1,4 +1,6 @@
-"""Profiles: what each needs, how an order is decided, what badge and files say; pins guard a run both ways."""
+"""Profiles: what each needs, how an order is decided, what badge and files say;
+pins guard a run both ways.
+"""
 
 import json
 import math
@@ -38,7 +40,9 @@ def shows(*orders: float | None) -> dict[str, Any]:
 def findings(
     claims: Iterable[str] = (), orders: dict[str, Any] | None = None, **verdicts: Verdict
 ) -> list[Finding]:
-    """One for each law: all hold, but for those that are named, and all orders are 1, but for those that are given."""
+    """One for each law: all hold, but for those that are named, and all orders are 1,
+    but for those that are given.
+    """
     named = {name.replace("_", "-"): verdict for name, verdict in verdicts.items()}
     shown = {name: shows(1.0) for name in ORDERS} | (orders or {})
     return [
@@ -144,7 +148,9 @@ def test_a_claimed_law_that_is_not_found_to_hold_is_named_on_the_badge_which_is_
 
 
 def test_a_badge_has_at_most_sixty_characters() -> None:
-    """Seven broken claims are the first with six more; long lists of profiles and of waivers are counted too."""
+    """Seven broken claims are the first with six more;
+    long lists of profiles and of waivers are counted too.
+    """
     broken = ["casimir", "energy", "identity", "symmetry", "midpoint", "reduction", "noise-sum"]
     violated = dict.fromkeys((law.replace("-", "_") for law in broken), Verdict.VIOLATED)
     assert badge(reported(findings(broken, **violated))) == ("identity violated, +6", "red")
@@ -265,7 +271,9 @@ def test_a_pin_holds_what_was_found(pinned: Path) -> None:
 
 
 def test_a_run_complains_of_claims_alone() -> None:
-    """A law that holds, one that is violated and not claimed, and one whose failure is expected are no complaints."""
+    """A law that holds, one that is violated and not claimed,
+    and one whose failure is expected are no complaints.
+    """
     found = findings(("energy", "casimir", "midpoint"), energy=Verdict.VIOLATED, symmetry=Verdict.VIOLATED)
     expected = [
         replace(f, expected="known", verdict=Verdict.VIOLATED) if f.law == "casimir" else f for f in found

@@ -1,4 +1,6 @@
-"""Each replay that is printed replays, and reports are measured again: a hostile file runs nothing and costs little."""
+"""Each replay that is printed replays, and reports are measured again:
+a hostile file runs nothing and costs little.
+"""
 
 import copy
 import json
@@ -187,8 +189,8 @@ def setting(*path: Any) -> Callable[[dict[str, Any]], None]:
 WITNESS = ("laws", "energy", "witness")
 PATHS = ("laws", "rounding", "witness")
 CODE = {"given": "imported_by_a_file:problem", "noise": ["0x1p-1"]}
-# What a file may do, with the exit code: 1 is a difference that is said, 2 a file that is refused; and how the page
-# refuses it.
+# What a file may do, with the exit code: 1 is a difference that is said, 2 a file that is refused;
+# and how the page refuses it.
 HOSTILE = {
     "a command as target": (setting("scheme", "target", "--exec 'touch ran'"), 0),
     "code as problem": (setting(*WITNESS, "problem", CODE), 1),

@@ -1,4 +1,6 @@
-"""Right schemes are accused in no unit of time, length or noise; the six schemes' verdicts are the paper's."""
+"""Right schemes are accused in no unit of time, length or noise;
+the six schemes' verdicts are the paper's.
+"""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -24,16 +26,17 @@ from sepv.schemes._guard import Refusal
 from sepv.simulate import run_chunk, truncate
 from sepv.verification import Effort, Verdict, load_laws, verify
 
-# Each run measures *energy* or *invariant:energy* of all, and *symmetry* of every second one and of those without an
-# energy claim. The other laws take minutes, and have a deep run and `benchmarks.false_alarms`.
+# Each run measures *energy* or *invariant:energy* of all, and *symmetry* of every second one and of
+# those without an energy claim. The other laws take minutes, and have a deep run and
+# `benchmarks.false_alarms`.
 QUICK = {
     name: {"energy", "invariant:energy"} & claims or {"symmetry"} & claims or {"contract"}
     if number % 2
     else {"energy", "invariant:energy", "symmetry"} & claims or {"contract"}
     for number, (name, claims) in enumerate((name, set(scheme.claims)) for name, scheme in RIGHT.items())
 }
-# A thousand exact flows, which *contract* asks for, take a minute; the others of these take ten seconds and more, and
-# differ from schemes that are asked each time in how they solve or sum alone.
+# A thousand exact flows, which *contract* asks for, take a minute; the others of these take ten
+# seconds and more, and differ from schemes that are asked each time in how they solve or sum alone.
 SLOW = ("weak-two", "symmetric-projection", "compensated", "clenshaw-curtis")
 
 
@@ -108,7 +111,9 @@ ABOUT_STEPS = KEPT["energy-preserving"] | ALWAYS
 
 @pytest.mark.parametrize("name", schemes.PAPER)
 def test_laws_about_steps_hold_exactly_where_theory_says(name: str) -> None:
-    """Those that hold are claimed, and measured by the files of `properties`; all others are violated."""
+    """Those that hold are claimed, and measured by the files of `properties`;
+    all others are violated.
+    """
     scheme, held = schemes.PAPER[name], KEPT[name] | ALWAYS
     assert scheme.claims & ABOUT_STEPS == held & ABOUT_STEPS
     others = ABOUT_STEPS - held
@@ -124,7 +129,9 @@ def test_every_law_has_a_source() -> None:
 
 @pytest.mark.parametrize(("scheme", "seed"), [("euler-heun", 2067189882), ("milstein", 743061144)])
 def test_an_exploding_scheme_has_a_verdict_on_rounding(scheme: str, seed: int) -> None:
-    """Explicit schemes with long steps of the rigid body: an energy of 1e300 ends in a verdict, not in a warning."""
+    """Explicit schemes with long steps of the rigid body: an energy of 1e300 ends in a verdict,
+    not in a warning.
+    """
     finding = verify(scheme, laws=["rounding"], effort=Effort(seed=seed)).findings[0]
     assert finding.verdict in (Verdict.VIOLATED, Verdict.ERROR)
     assert finding.defect is not None
@@ -226,8 +233,9 @@ def test_a_fast_oscillator_with_unit_noise_accuses_nobody(name: str, rate: float
 
 
 OWN = ("energy-preserving", "euler-heun", "milstein")
-# Each problem, each scheme and each scale but theirs in every run, all of them with each other in the deep one.
-# Exact flows of exponentials and square roots take 16 and 29 s: these two are left to the deep run.
+# Each problem, each scheme and each scale but theirs in every run, all of them with each other in
+# the deep one. Exact flows of exponentials and square roots take 16 and 29 s: these two are left to
+# the deep run.
 DEAR_FLOWS = ("toda", "double-well")
 NAMES = list(PROBLEMS)
 EVERY_RUN = [
@@ -251,7 +259,9 @@ def test_no_right_scheme_is_accused_or_left_open_at_any_rate_noise_and_size(prob
 
 @pytest.mark.parametrize("size", [1e-6, 1e6])
 def test_a_noise_far_smaller_than_the_error_of_the_step_is_measured(size: float) -> None:
-    """Increments of "explicit-4" have weights: a share of the noise is a covariance with weighted means."""
+    """Increments of "explicit-4" have weights: a share of the noise is a covariance with weighted
+    means.
+    """
     small = scaled(PROBLEMS["pendulum"](), Scale(1e-6, 1e-6, size))
     (found,) = findings(schemes.by_name("explicit-4"), small, SAMPLES, ("right-limit",))
     assert found.verdict is Verdict.HOLDS, found
@@ -259,7 +269,9 @@ def test_a_noise_far_smaller_than_the_error_of_the_step_is_measured(size: float)
 
 
 def _clipping(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """(2.1), which lets a third less of its increments through than k = 2 does, in units of the fast problem."""
+    """(2.1), which lets a third less of its increments through than k = 2 does,
+    in units of the fast problem.
+    """
     return schemes.energy_preserving.step(problem, y, h, truncate(dW, h, 1, unit=_TIME))
 
 
@@ -292,7 +304,9 @@ def test_faults_of_the_noise_show_in_every_unit(scale: Scale) -> None:
 
 @pytest.mark.parametrize("name", but_deep(["flow", "explicit-8", "collocation-3"], "flow"))
 def test_a_bare_function_that_is_better_than_the_clip_holds(name: str) -> None:
-    """Its increments are clipped with k = 2 as no one told otherwise: the clip is the suite's, and no fault of it."""
+    """Its increments are clipped with k = 2 as no one told otherwise: the clip is the suite's,
+    and no fault of it.
+    """
     step = of_lanes(flow) if name == "flow" else schemes.by_name(name).step
     laws = ["truncation", "mean-square-order", "weak-order", "right-limit"]
     assert verdicts(louder(1.0, step), laws, paths=512) == dict.fromkeys(laws, "holds")

@@ -1,4 +1,6 @@
-"""Searches find what chance alone would miss and name the part that makes it; witnesses of the corpus come first."""
+"""Searches find what chance alone would miss and name the part that makes it;
+witnesses of the corpus come first.
+"""
 
 import json
 from collections.abc import Callable
@@ -26,7 +28,8 @@ from sepv.problem import Array, Problem, Systems
 from sepv.verification import Case, Cases, Effort, Law, Measurement, Run, Verdict, load_laws, searched, verify
 from sepv.verification._verify import replay
 
-# A violation lies in a thousandth of the states, on a slope of the defect that is seen from all of them.
+# A violation lies in a thousandth of the states, on a slope of the defect that is seen from all of
+# them.
 MOST, BEST, NEAR = 10**4, 6_543, 4
 
 
@@ -120,7 +123,8 @@ def test_skipped_cases_are_counted_by_their_reason() -> None:
     assert (log.skipped, log.refused, log.lacking, log.checks) == ({"too long": 2, "extreme": 1}, 3, 1, 1)
 
 
-# Of the subtler faults, those that err by a power of the step: their cases have to be made for them.
+# Of the subtler faults, those that err by a power of the step: their cases have to be made for
+# them.
 BROKEN = ("one-point-quadrature", "b-at-y0", "(2.1)")
 SUBTLE = [f for f in FAULTS if f.broken in BROKEN and f.law != "reference"]
 
@@ -129,7 +133,8 @@ SUBTLE = [f for f in FAULTS if f.broken in BROKEN and f.law != "reference"]
 def test_a_fault_of_a_pair_of_strata_is_found_in_that_pair(fault: Fault) -> None:
     strata, of_strata, pairs, of_pairs, missed = power(fault, measured(fault, 29))
     assert strata == of_strata
-    # H = (y1 y3)^n is kept by one node too: a case of a few hundred pairs in several hundred may be of that kind.
+    # H = (y1 y3)^n is kept by one node too: a case of a few hundred pairs in several hundred may be
+    # of that kind.
     assert pairs >= 0.97 * of_pairs, missed
     assert of_pairs > 500
 
@@ -200,7 +205,9 @@ def test_right_schemes_pass_every_witness_and_the_scheme_it_came_from_does_not(l
 
 @pytest.mark.parametrize("name", ["fixed-point", "python-loop", "line-search"])
 def test_a_right_scheme_may_refuse_what_is_far_beyond_a_step(name: str) -> None:
-    """Δ = 1000 for the oscillator, 3.5 for the rigid body: witnesses that were shrunk from long steps."""
+    """Δ = 1000 for the oscillator, 3.5 for the rigid body:
+    witnesses that were shrunk from long steps.
+    """
     for law in ("reference", "energy"):
         (asked,) = load_laws([law])
         for witness in corpus.witnesses(law, Systems.SINGLE):
@@ -239,7 +246,9 @@ def test_no_corpus_is_an_option_of_verify() -> None:
 
 
 def test_what_is_remembered_by_address_is_seen_wherever_records_lie() -> None:
-    """Which address a new record gets depends on all that the process did before: 9 of 100 were missed once."""
+    """Which address a new record gets depends on all that the process did before:
+    9 of 100 were missed once.
+    """
     (asked,) = load_laws(["contract"])
     (witness,) = (w for w in corpus.witnesses("contract") if w.found == "remembers-by-id")
     scheme, shuffled, kept = SABOTEURS["remembers-by-id"].scheme, Random(1), []

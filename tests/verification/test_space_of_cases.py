@@ -1,4 +1,6 @@
-"""The space of cases: designs meet every possible pair, axes have open ends, and cases lie where their row says."""
+"""The space of cases: designs meet every possible pair, axes have open ends,
+and cases lie where their row says.
+"""
 
 import re
 import time
@@ -236,7 +238,8 @@ def test_a_scheme_that_takes_nothing_is_asked_about_little() -> None:
     says(Scheme("picky", step), "energy", "not applicable", "cases skipped: never")
     known, rows = corpus.cases("energy", Systems.SINGLE), space_of(Systems.SINGLE, "energy").design().rows
     fixed = len((*known, *rows, *fixed_cases(), *for_energy(), *SINGLE.kinds))
-    # PROBES cases come before, to see whether the scheme clips increments; each search ends beyond MOST_SKIPPED.
+    # PROBES cases come before, to see whether the scheme clips increments; each search ends beyond
+    # MOST_SKIPPED.
     assert fixed <= len(calls) <= fixed + 2 * (MOST_SKIPPED + 1) + PROBES
 
 
@@ -416,11 +419,14 @@ def test_polynomial_corners_lie_inside_the_contraction_radius() -> None:
         assert h + float(np.sum(np.abs(problem.c * dW))) <= contraction_radius(problem, y)
 
 
-# A threshold with a unit, as libraries of particles have, is no fault of an integrator without noise.
+# A threshold with a unit, as libraries of particles have, is no fault of an integrator without
+# noise.
 
 
 def verlet(problem, y, h, dW, *, threshold):
-    """Velocity Verlet that keeps the force where positions move by less than a threshold, as ASE's calculators do."""
+    """Velocity Verlet that keeps the force where positions move by less than a threshold,
+    as ASE's calculators do.
+    """
     system = mechanics(problem)
     q, p = system.split(y)
     force = system.force(q)

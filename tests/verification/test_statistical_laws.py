@@ -1,4 +1,6 @@
-"""Verdicts from samples: right schemes are not accused, faults of one per cent do not hold; and what they stand on."""
+"""Verdicts from samples: right schemes are not accused, faults of one per cent do not hold;
+and what they stand on.
+"""
 
 from dataclasses import replace
 from importlib import import_module
@@ -50,7 +52,9 @@ def noisier(scheme: Scheme, factor: float) -> Scheme:
     but_deep([((1.5, 2.0), 0, 64), *(rest := [((1.5, 2.0), n, 256) for n in range(5)])], *rest),
 )
 def test_a_scheme_of_weak_order_two_and_mean_square_order_one_is_not_accused(orders, seed, paths):
-    """Its means lie within the noise of errors of mean-square order 1, whose slope must not be taken for theirs."""
+    """Its means lie within the noise of errors of mean-square order 1,
+    whose slope must not be taken for theirs.
+    """
     run = Run(Effort(seed=seed, paths=paths))  # keeps the errors, which hang on no claim
     for order in orders:
         scheme = replace(RIGHT["weak-two"], weak_order=order)
@@ -109,7 +113,8 @@ def test_a_limit_holds_only_if_its_shares_are_surely_below_one_per_cent() -> Non
     assert seen[0].verdict is Verdict.HOLDS
     assert worst[0] < 0.01 < worst[-1]
     assert all(a.high < 0.01 for a in seen if a.verdict is Verdict.HOLDS)
-    # The bound alone decides: the same sample holds for a bound just above its shares, and is undecided just below.
+    # The bound alone decides: the same sample holds for a bound just above its shares, and is
+    # undecided just below.
     for bound, verdict in ((1.01 * worst[0], Verdict.HOLDS), (0.99 * worst[0], Verdict.INCONCLUSIVE)):
         assert limit.assessing(False, resolution=bound)(problem, errors, alpha, 1.0).verdict is verdict
 
@@ -147,7 +152,9 @@ def test_partly_at_the_floor_the_coarse_steps_must_lie_as_high_as_the_order_says
 
 
 def test_the_interval_of_a_quantile_owes_nothing_to_the_tails() -> None:
-    """Pareto's law with an infinite mean: 400 batches at 5 % miss 20 times, here at most 36 (false alarm 1e-3)."""
+    """Pareto's law with an infinite mean: 400 batches at 5 % miss 20 times,
+    here at most 36 (false alarm 1e-3).
+    """
     rng = np.random.default_rng(1)
     misses = 0
     for _ in range(400):
@@ -166,7 +173,9 @@ def test_a_quantile_of_few_paths_or_at_the_rounding_floor_shows_no_order() -> No
 
 
 def test_heavy_tails_alone_do_not_lower_an_order() -> None:
-    """Order 1 exactly, with a mean square that most samples miss: no interval lies below, at 5 %, in 200 batches."""
+    """Order 1 exactly, with a mean square that most samples miss: no interval lies below, at 5 %,
+    in 200 batches.
+    """
     rng = np.random.default_rng(2)
     for _ in range(200):
         coarse, fine = np.exp(2 * rng.standard_normal((2, 512)))
@@ -184,7 +193,9 @@ def test_the_leading_coefficient_is_found_past_a_change_of_sign() -> None:
 
 
 def test_a_mean_that_vanishes_at_the_coarsest_step_does_not_accuse() -> None:
-    """E e = h (1 − h/h₁), an error of weak order 1 that is zero at h₁ and falls too slowly from there."""
+    """E e = h (1 − h/h₁), an error of weak order 1 that is zero at h₁ and falls too slowly from
+    there.
+    """
     rng = np.random.default_rng(3)
     h = np.array([1 / 4, 1 / 16, 1 / 64])
     mean = 0.1 * h * (1 - h / h[0])
@@ -196,14 +207,17 @@ def test_a_mean_that_vanishes_at_the_coarsest_step_does_not_accuse() -> None:
 
 
 def test_the_shares_of_the_limit_are_what_the_fault_is() -> None:
-    """A noise too large by 3 %, within 5 standard errors (false alarm 1e-6) and the second order of the share."""
+    """A noise too large by 3 %, within 5 standard errors (false alarm 1e-6)
+    and the second order of the share.
+    """
     problem, scheme = problems.pendulum(), replace(noisier(schemes.explicit(8), 1.03), truncation=None)
     errors = strong_errors(scheme, problem, T=0.5, steps=(8, 16, 64), paths=range(512), seed=0)
     names, samples, _ = limit_errors(errors, problem)
     share = leading(samples, errors.h, 0)
     k = names.index("noise")
     assert abs(share.value[k] - 0.03) < 5 * share.error[k] + 2 * 0.03**2
-    # The bound of a violation is what the interval and higher powers of h may add to the share: the latter 1e-7 of it.
+    # The bound of a violation is what the interval and higher powers of h may add to the share: the
+    # latter 1e-7 of it.
     found = limit.assessing(False)(problem, errors, 1e-3, 1.0)
     assert found.verdict is Verdict.VIOLATED
     assert found.bound == pytest.approx(found.value - found.low, rel=1e-9)
@@ -260,7 +274,9 @@ def test_a_claim_of_flows_that_commute_is_not_measured_on_others() -> None:
 
 
 def test_a_scheme_for_one_state_is_asked_for_few_steps() -> None:
-    """These laws and rounding ask most: 21,900 steps of 27,900, where an early look suffices. More paths lift that."""
+    """These laws and rounding ask most: 21,900 steps of 27,900, where an early look suffices.
+    More paths lift that.
+    """
     asked = 0
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
@@ -280,7 +296,9 @@ LOUDER, ITO = noisier(schemes.euler_heun, 1.05), Scheme("Itô", euler)
 
 @pytest.mark.parametrize("wrong", but_deep([LOUDER, ITO], LOUDER))
 def test_few_paths_may_hold_and_accuse_nobody(wrong: Scheme) -> None:
-    """Of wrong schemes an early look says nothing; the first one of 512 paths calls them violated."""
+    """Of wrong schemes an early look says nothing; the first one of 512 paths calls them
+    violated.
+    """
     one = replace(wrong, batched=False, solve=None)
     assert says(one, "right-limit", "violated", problems="pendulum", paths=FIRST_LOOK).checks == FIRST_LOOK
 
@@ -288,7 +306,8 @@ def test_few_paths_may_hold_and_accuse_nobody(wrong: Scheme) -> None:
 def test_what_is_open_says_what_it_would_take() -> None:
     scheme = schemes.euler_maruyama
     says(scheme, "weak-order", "inconclusive", "steps, would settle it (--paths", paths=512)
-    # A scheme for one state is told what would be quicker: from the same errors, which it would take seconds to draw.
+    # A scheme for one state is told what would be quicker: from the same errors, which it would
+    # take seconds to draw.
     (setup,) = [s for s in setups_for(scheme) if s.problem == "pendulum"]
     errors, assess = sampled(scheme, setup, 512, Run()), weak.assessing(scheme.weak_order, False)
     words = wanted(replace(scheme, batched=False), setup, assess, errors, 1e-5)
@@ -296,7 +315,9 @@ def test_what_is_open_says_what_it_would_take() -> None:
 
 
 def _one_sided(loud: float, claimed: float | None = 0.5) -> Scheme:
-    """Milstein's term by a difference over 4√h: the right limit where loud = 1, and a mean error of order ½."""
+    """Milstein's term by a difference over 4√h: the right limit where loud = 1,
+    and a mean error of order ½.
+    """
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         delta, f, length = problem.random_step(h, loud * dW), vector_field(problem, y), 4 * abs(h) ** 0.5
@@ -341,7 +362,9 @@ def _timid(limit: float) -> Scheme:
     ],
 )
 def test_refusals_of_large_increments_halve_the_steps_and_accuse_nobody(limit, problem, refused, steps):
-    """Of 512 paths one of the pendulum has a coarse step with |Δ| > 1.4, 29 of the rigid body one with |Δ| > 0.9."""
+    """Of 512 paths one of the pendulum has a coarse step with |Δ| > 1.4,
+    29 of the rigid body one with |Δ| > 0.9.
+    """
     for seen in measured(_timid(limit), "mean-square-order,weak-order", seed=1).findings:
         assert seen.verdict is Verdict.HOLDS, seen.message
         assert f"{problem}: of 512 paths some were not solved" in seen.message
@@ -384,7 +407,9 @@ W = 0.144
 
 
 def walks(seed: int, drift: float = 0.0, steps: int = 256) -> Array:
-    """Defects of paths at the checkpoints: independent roundings of root mean square W, and a mean."""
+    """Defects of paths at the checkpoints: independent roundings of root mean square W, and a
+    mean.
+    """
     rng = np.random.default_rng(seed)
     D = np.cumsum(W * rng.standard_normal((steps, rounding.PATHS)) + drift * W, axis=0)
     return D[rounding.FIRST * 2 ** np.arange(int(np.log2(steps / rounding.FIRST)) + 1) - 1]
@@ -400,7 +425,8 @@ def test_walks_of_rounding_are_never_accused() -> None:
 
 
 def test_a_mean_is_seen_in_every_sample() -> None:
-    # 0.133 a step is 34 standard errors after 2048 steps of 32 paths, and 16 after 256 steps of 60; 8 are allowed.
+    # 0.133 a step is 34 standard errors after 2048 steps of 32 paths, and 16 after 256 steps of 60;
+    # 8 are allowed.
     assert all("drift" in violated(walks(seed, 0.133)) for seed in range(100))
     assert not any("size" in violated(walks(seed, 0.133)) for seed in range(100))
 
@@ -419,7 +445,9 @@ def test_a_stated_tolerance_is_allowed_its_drift() -> None:
 
 
 def test_paths_with_other_roundings_are_judged_by_their_own() -> None:
-    """From the origin roundings grow, on each path otherwise: 60 such paths looked like a drift of each."""
+    """From the origin roundings grow, on each path otherwise:
+    60 such paths looked like a drift of each.
+    """
     rng = np.random.default_rng(5)
     checkpoints = rounding.FIRST * 2 ** np.arange(4)
     for _ in range(100):
@@ -440,7 +468,9 @@ def test_an_explosion_is_not_excused_by_what_it_reaches() -> None:
 
 @pytest.mark.parametrize("c", [(1.0,), (1.0, 0.5, 0.0)])
 def test_weighted_moments_are_those_of_normal_increments(c: tuple[float, ...]) -> None:
-    """E 1, E ξ², E ξ⁴ and E ξ¹⁰ along c, and E ξ² across, each within 5 standard errors: false alarms below 1e-5."""
+    """E 1, E ξ², E ξ⁴ and E ξ¹⁰ along c, and E ξ² across, each within 5 standard errors:
+    false alarms below 1e-5.
+    """
     paths, steps = 40_000, 8
     rng, how = np.random.default_rng(1), {"T": 2.0, "steps": steps, "paths": paths, "powers": (10, 6)}
     dW, w = tilted_increments(rng, np.array(c), **how)
@@ -458,7 +488,9 @@ def test_weighted_moments_are_those_of_normal_increments(c: tuple[float, ...]) -
 
 
 def test_tilted_and_plain_means_agree_where_both_can_be_had() -> None:
-    """Order 1 without truncation, where plain sampling has no difficulty: within 10 %, some 5 standard errors."""
+    """Order 1 without truncation, where plain sampling has no difficulty: within 10 %,
+    some 5 standard errors.
+    """
     problem, paths = problems.rigid_body(), range(1024)
     scheme = replace(schemes.energy_preserving, truncation=None)
     plain = strong_errors(scheme, problem, T=1.0, steps=(16, 64), paths=paths, seed=2).rms()
@@ -525,7 +557,9 @@ def test_a_slope_near_its_bound_is_judged_at_halved_steps(monkeypatch: pytest.Mo
 
 
 def test_the_laws_that_may_accuse_by_chance_share_the_probability_of_it() -> None:
-    """A law is statistical if it judges paths by `judge`, or by quantiles of its own; no look of it is forgotten."""
+    """A law is statistical if it judges paths by `judge`, or by quantiles of its own;
+    no look of it is forgotten.
+    """
     laws = load_laws()
     files = {
         law.name: import_module(f"sepv.properties.test_{schemes.page_of(law.name).replace('-', '_')}")

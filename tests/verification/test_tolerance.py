@@ -31,7 +31,9 @@ SAME = 12 * EPS
 
 
 def cancelling() -> sepv.Problem:
-    """H = y1³ − 3y1²y2 + y3 with B12 = y3 − 2y1y2, B13 = −y1, B23 = 0: terms that cancel, and a constant one."""
+    """H = y1³ − 3y1²y2 + y3 with B12 = y3 − 2y1y2, B13 = −y1, B23 = 0: terms that cancel,
+    and a constant one.
+    """
     H = poly.polynomial(3, {(3, 0, 0): 1.0, (2, 1, 0): -3.0, (0, 0, 1): 1.0})
     B = (
         (0, 1, poly.polynomial(3, {(0, 0, 1): 1.0, (1, 1, 0): -2.0})),
@@ -47,7 +49,9 @@ def plain(problem: sepv.Problem, **known: Any) -> sepv.Problem:
 
 
 def test_majorants_of_polynomials_are_sums_of_absolute_terms() -> None:
-    """∇H = (3y1² − 6y1y2, −3y1², 1) vanishes in its first component where y1 = 2y2; its terms do not."""
+    """∇H = (3y1² − 6y1y2, −3y1², 1) vanishes in its first component where y1 = 2y2;
+    its terms do not.
+    """
     problem, y, x = cancelling(), np.array([2.0, 1.0, -3.0]), np.array([-1.0, 0.5, 8.0])
     assert problem.gradient(y).tolist() == [0.0, -12.0, 1.0]
     assert tolerance.gradient_majorant(problem, y).tolist() == [24.0, 12.0, 1.0]
@@ -55,7 +59,8 @@ def test_majorants_of_polynomials_are_sums_of_absolute_terms() -> None:
     B = tolerance.structure_majorant(problem, y)
     assert B.tolist() == [[0, 7, 2], [7, 0, 0], [2, 0, 0]]
     both = tolerance.structure_majorant(problem, y, x)
-    # At the corner (2, 1, 8) of the box: 8 + 2·2·1, and not the larger of 3 + 2·2·1 and 8 + 2·1·½ at the ends.
+    # At the corner (2, 1, 8) of the box: 8 + 2·2·1, and not the larger of 3 + 2·2·1 and 8 + 2·1·½
+    # at the ends.
     assert both.tolist() == [[0, 12, 2], [12, 0, 0], [2, 0, 0]]
     assert tolerance.gradient_majorant(problem, x, y).tolist() == [24.0, 12.0, 1.0]
     assert tolerance.gradient_majorant(problem, x, y, beyond=1.0).tolist() == [3 * 9 + 6 * 3 * 2, 3 * 9, 1]
@@ -117,8 +122,8 @@ def test_the_residual_has_the_size_of_the_state_of_the_step_and_of_the_solver() 
     lazy = tolerance.step_residual(problem, y0, y1, h, dW, owned)
     assert np.allclose(lazy - found, 8e-6, rtol=SAME, atol=0)
     twice = tolerance.step_residual(problem, y0, y1, h, dW, schemes.collocation(2))
-    # Two stages leave the segment by at most ¼ of 5, the largest |y1 − y0|: M_g = (51.1875, 31.6875, 1) at
-    # (3.25, 2.25, 9.25), and M_B12 = 9.25 + 2·3.25·2.25, M_B13 = 3.25.
+    # Two stages leave the segment by at most ¼ of 5, the largest |y1 − y0|: M_g = (51.1875,
+    # 31.6875, 1) at (3.25, 2.25, 9.25), and M_B12 = 9.25 + 2·3.25·2.25, M_B13 = 3.25.
     B12, B13, g = 23.875, 3.25, (75.5625, 31.6875, 1.0)
     wider = np.array([B12 * g[1] + B13 * g[2], B12 * g[0], B13 * g[0]])
     expected = 0.5 * EPS * tolerance.operations(problem, 2) * (8 + length * wider)
@@ -136,7 +141,8 @@ def test_the_residual_has_the_size_of_the_state_of_the_step_and_of_the_solver() 
 def test_the_bound_of_energy_covers_a_step_along_which_the_gradient_vanishes_at_both_ends_alone(
     small: float,
 ) -> None:
-    """H = y1y2y3 from (1, δ, δ) to (δ, 1, δ): the averaged ∇H is (y2y3, y1y3, y1y2) = (δ/2, δ/2, 1/6) nearly.
+    """H = y1y2y3 from (1, δ, δ) to (δ, 1, δ): the averaged ∇H is (y2y3, y1y3, y1y2)
+    = (δ/2, δ/2, 1/6) nearly.
 
     With the majorant at the ends, half of the allowed residual exceeded the bound 1.9 to 20 times.
     """
@@ -152,7 +158,9 @@ def test_the_bound_of_energy_covers_a_step_along_which_the_gradient_vanishes_at_
 
 @pytest.mark.parametrize("name", ["pendulum", "lotka-volterra", "kepler", "pendulum-chain"])
 def test_majorants_of_functions_bound_the_terms_on_the_whole_segment(name: str) -> None:
-    """At 33 states between y0 and y1, drawn around the initial state; nowhere below the value at the ends."""
+    """At 33 states between y0 and y1, drawn around the initial state;
+    nowhere below the value at the ends.
+    """
     problem, rng = problems.by_name(name), np.random.default_rng(3)
     start = np.asarray(problem.initial)
     for _ in range(20):
@@ -171,7 +179,9 @@ def test_majorants_of_functions_bound_the_terms_on_the_whole_segment(name: str) 
 def test_majorants_of_functions_that_hide_their_operations_are_estimates_never_below_the_ends(
     small: float,
 ) -> None:
-    """H = y1y2y3 by functions of floats: nine states of the segment from (1, δ, δ) to (δ, 1, δ) bound its mean ∇H."""
+    """H = y1y2y3 by functions of floats: nine states of the segment from (1, δ, δ) to (δ, 1, δ)
+    bound its mean ∇H.
+    """
 
     def gradient(y: Any) -> Any:
         a, b, c = (np.asarray(v, dtype=float) for v in y)  # symbols are no floats
@@ -213,7 +223,9 @@ def test_several_structures_have_the_residual_of_the_largest() -> None:
 
 
 def test_bounds_of_invariants_are_attained() -> None:
-    """A change of y by ±r, each sign the worst, changes a linear H and C, and to first order C = yᵀAy, by the bound."""
+    """A change of y by ±r, each sign the worst, changes a linear H and C,
+    and to first order C = yᵀAy, by the bound.
+    """
     H = poly.polynomial(2, {(1, 0): 3.0, (0, 1): -4.0})
     problem = problems.build(PolynomialSystem(2, H, ((0, 1, poly.constant(2, 1.0)),)))
     y, r = np.array([0.5, -2.0]), np.array([1e-3, 1e-5])
@@ -233,7 +245,9 @@ def test_bounds_of_invariants_are_attained() -> None:
 
 
 def test_units_are_what_one_rounding_of_y_does() -> None:
-    """eps |∇I| |y|, the larger of both states; a multiple of the smallest number where that vanishes."""
+    """eps |∇I| |y|, the larger of both states; a multiple of the smallest number where that
+    vanishes.
+    """
     oscillator, small, large = problems.harmonic_oscillator(), np.array([3.0, -4.0]), np.array([-8.0, 6.0])
     for y0, y1, size in ((small, small, 25), (small, large, 100), (large, small, 100)):
         assert tolerance.energy_ulp(oscillator, y0, y1) == pytest.approx(EPS * size, rel=SAME, abs=0)
@@ -250,10 +264,11 @@ def test_units_are_what_one_rounding_of_y_does() -> None:
 
 
 def test_the_walk_is_that_of_sums_that_are_rounded() -> None:
-    """y ↦ fl(y + z) with random z, in exact arithmetic: root mean square of 4000 roundings, which is known to 1.1 %.
+    """y ↦ fl(y + z) with random z, in exact arithmetic: root mean square of 4000 roundings,
+    which is known to 1.1 %.
 
-    Spread evenly over ±½ulp, a rounding has the variance ulp²/12; its square has a relative spread of 0.9. Five such
-    standard errors: a false alarm in two million.
+    Spread evenly over ±½ulp, a rounding has the variance ulp²/12; its square has a relative spread
+    of 0.9. Five such standard errors: a false alarm in two million.
     """
     rng = np.random.default_rng(7)
     y = np.array([1.3, 0.3, -5.0])[:, None] + 1e-3 * rng.standard_normal((3, 4000))
@@ -278,7 +293,9 @@ def test_nothing_is_predicted_where_the_walk_overflows() -> None:
 
 
 def test_errors_of_a_state_are_judged_in_their_worst_component() -> None:
-    """The condition (I − ∂R/∂y1)⁻¹ turns residuals into errors, the rounding of y1 itself comes on top."""
+    """The condition (I − ∂R/∂y1)⁻¹ turns residuals into errors,
+    the rounding of y1 itself comes on top.
+    """
     problem, y0, y1 = problems.harmonic_oscillator(), np.array([1.0, 2.0]), np.array([-4.0, 1.0])
     dW, condition = np.array([0.5]), np.array([[1.0, 2.0], [0.0, 3.0]])
     r = tolerance.step_residual(problem, y0, y1, 0.25, dW)
@@ -321,7 +338,9 @@ def test_another_quadrature_is_allowed_its_own_roundings_and_no_more() -> None:
     "scheme", [gonzalez, itoh_abe, energy_preserving], ids=["gonzalez", "itoh-abe", "(2.1)"]
 )
 def test_equations_of_steps_contract_inside_the_radius(scheme: Any) -> None:
-    """R maps the ball into itself, and contracts by κ: in the largest component, for Gonzalez in the Euclidean norm."""
+    """R maps the ball into itself, and contracts by κ: in the largest component,
+    for Gonzalez in the Euclidean norm.
+    """
     rng, order = np.random.default_rng(2), 2 if scheme is gonzalez else np.inf
     for _, case in CLASSES[Systems.SINGLE].space.cases(1)[::4]:
         problem, y, _, _ = case.build()
@@ -336,7 +355,9 @@ def test_equations_of_steps_contract_inside_the_radius(scheme: Any) -> None:
 
 
 def test_the_spectral_norm_is_bounded_tightly() -> None:
-    """By at most 5 % more than NumPy's, for matrices with zeros, of any scale, and for 0 and ∞ themselves."""
+    """By at most 5 % more than NumPy's, for matrices with zeros, of any scale,
+    and for 0 and ∞ themselves.
+    """
     rng = np.random.default_rng(0)
     for d in (2, 3, 9):
         A = rng.random((d, d, 40)) ** 3 * (rng.random((d, d, 40)) < 0.7) * 10.0 ** rng.integers(-90, 90, 40)
@@ -347,7 +368,9 @@ def test_the_spectral_norm_is_bounded_tightly() -> None:
 
 
 def test_errors_of_a_contraction_are_amplified_by_no_more_than_the_bound() -> None:
-    """‖(I − ∂R/∂y1)⁻¹‖ at the contraction radius: H = ½|y|² + ¼y2⁴, ∂R/∂y1 of (2.1) by differences."""
+    """‖(I − ∂R/∂y1)⁻¹‖ at the contraction radius: H = ½|y|² + ¼y2⁴, ∂R/∂y1 of (2.1) by
+    differences.
+    """
     H = poly.add(poly.squares((1, 1)), poly.polynomial(2, {(0, 4): 0.25}))
     data = PolynomialSystem(2, H, ((0, 1, poly.constant(2, -1.0)),), ())
     problem, y = problems.polynomial_problem(data), np.array([0.5, 1.0])
@@ -367,7 +390,9 @@ def test_errors_of_a_contraction_are_amplified_by_no_more_than_the_bound() -> No
 
 
 def test_the_ball_of_a_contraction_may_be_smaller_than_the_state() -> None:
-    """H = ¼(y1⁴ + y2⁴) at y = 0: |∇H| ≤ r³ and |H″| ≤ 3r², so that the radius min(r⁻², κ/3r²) grows as r falls."""
+    """H = ¼(y1⁴ + y2⁴) at y = 0: |∇H| ≤ r³ and |H″| ≤ 3r², so that the radius min(r⁻², κ/3r²)
+    grows as r falls.
+    """
     H = poly.polynomial(2, {(4, 0): 0.25, (0, 4): 0.25})
     problem = problems.polynomial_problem(PolynomialSystem(2, H, ((0, 1, poly.constant(2, -1.0)),), ()))
     radius, ball = contraction_ball(problem, np.zeros(2))

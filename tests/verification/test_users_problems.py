@@ -1,4 +1,6 @@
-"""What a user hands over: names, functions, records, families, strategies and files; and words for all else."""
+"""What a user hands over: names, functions, records, families, strategies and files;
+and words for all else.
+"""
 
 import dataclasses
 import html
@@ -87,7 +89,8 @@ def test_a_scheme_for_separable_systems_is_judged_on_those() -> None:
     assert found == {"contract": "holds", "symmetry": "holds", "energy": "violated", "noise-sum": "holds"}
     named = sepv.Scheme("verlet", verlet, systems=Systems.CANONICAL_SEPARABLE)
     assert sepv.verify(named, laws="symmetry", effort=FEW).findings[0].verdict is Verdict.HOLDS
-    # On systems that are not separable the scheme is another method, and is accused of what it never said.
+    # On systems that are not separable the scheme is another method, and is accused of what it
+    # never said.
     assert everywhere.verdict is Verdict.VIOLATED
 
 
@@ -171,19 +174,22 @@ def test_the_measured_radius_is_of_the_size_of_the_derived_one(system: sepv.Poly
     problem = problems.build(system)
     y = np.linspace(0.5, 1.0, problem.dimension)
     derived, measured = contraction_radius(problem, y), measured_radius(problem, y)
-    # Majorants are bounds and maxima are not: the measured one is larger, but for its half and its fewer balls.
+    # Majorants are bounds and maxima are not: the measured one is larger, but for its half and its
+    # fewer balls.
     assert 0.25 * derived <= measured
 
 
 @pytest.fixture(scope="module")
 def cases_of_families() -> list[Question | str]:
-    """Whether a law speaks of a family is found by a search of its own, which no other search may hold."""
+    """Whether a law speaks of a family is found by a search of its own,
+    which no other search may hold.
+    """
     return [
         law.cases.of_problems(items(str(name)))
         for name in FAMILIES
         for law in load_laws(["energy", "identity", "noise-sum", "reduction"])
-        # Several Hamiltonians and additive noise keep no H, and have no equation of (2.1); damping has own laws, and
-        # so has friction.
+        # Several Hamiltonians and additive noise keep no H, and have no equation of (2.1); damping
+        # has own laws, and so has friction.
         if name not in ("damped", "friction")
         and not (name.endswith(("-hamiltonians", "additive")) and law.name in ("energy", "reduction"))
     ]
@@ -206,7 +212,9 @@ def test_a_law_that_speaks_of_no_member_of_a_family_is_not_applicable() -> None:
 
 
 def test_laws_stay_where_a_narrow_scheme_lives() -> None:
-    """On the unit circle, of which no multiple is one: contract and reproducibility ask about nothing else."""
+    """On the unit circle, of which no multiple is one:
+    contract and reproducibility ask about nothing else.
+    """
     seen: list[float] = []
 
     def step(problem: sepv.Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:

@@ -1,4 +1,6 @@
-"""Schemes without noise: orders are told by number in any unit, and trends of the energy over long times are seen."""
+"""Schemes without noise: orders are told by number in any unit,
+and trends of the energy over long times are seen.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +64,9 @@ def _runge_kutta(second: float) -> Callable[..., np.ndarray]:
 
 
 def _one_mass_each(problem: Problem, y: np.ndarray, h: float, _dW: np.ndarray) -> np.ndarray:
-    """The leapfrog of a library that knows diagonal mass matrices only: a symplectic map of another system."""
+    """The leapfrog of a library that knows diagonal mass matrices only:
+    a symplectic map of another system.
+    """
     m = mechanics(problem)
     q, p = m.split(y)
     p = p + h / 2 * m.force(q)
@@ -280,7 +284,9 @@ def test_the_orbits_of_a_class_have_one_energy_and_no_harmonics_that_look_slow(s
 
 
 def test_a_wave_leaves_of_a_mean_no_more_than_stated() -> None:
-    """From 2½ periods in the window on, for 14 steps in a period and more, and for its harmonics."""
+    """From 2½ periods in the window on, for 14 steps in a period and more, and for its
+    harmonics.
+    """
     for many in (14, 15, 60):
         window = PERIODS * many
         turns = 2 * np.pi * np.arange(window + 1) / window
@@ -336,7 +342,9 @@ def test_an_oscillation_that_does_not_fall_is_refuted_and_one_at_rounding_is_not
 
 
 def rotating(momentum: float) -> Problem:
-    """H = ½p² − cos q + ⅕ sin 2q with y = (q, p), from q = 0: E. Faou, E. Hairer and T.-L. Pham, BIT 44 (2004)."""
+    """H = ½p² − cos q + ⅕ sin 2q with y = (q, p), from q = 0: E. Faou, E. Hairer and T.-L. Pham,
+    BIT 44 (2004).
+    """
     pendulum = problems.pendulum_chain(links=1, noise=())
     return Problem(
         2, pendulum.structure, lambda y: 0.5 * y[1] ** 2 - np.cos(y[0]) + 0.2 * np.sin(2 * y[0]),
@@ -345,7 +353,9 @@ def rotating(momentum: float) -> Problem:
 
 
 def test_a_reversible_method_drifts_where_the_momentum_keeps_its_sign_and_is_not_accused() -> None:
-    """Lobatto IIIB on their perturbed pendulum: with p = 2.5 it turns over and over, with p = 1 it swings."""
+    """Lobatto IIIB on their perturbed pendulum: with p = 2.5 it turns over and over,
+    with p = 1 it swings.
+    """
     method = RIGHT["lobatto-iiib"]
     turning = rotating(2.5)
     path = EnergyPath(method, turning, np.array([[0.0], [2.5]]), 0.16)

@@ -1,4 +1,6 @@
-"""A law that fails says what was expected, what came, and how to see it again; a long run says how far it is."""
+"""A law that fails says what was expected, what came, and how to see it again;
+a long run says how far it is.
+"""
 
 import io
 import json
@@ -181,7 +183,8 @@ def test_lines_say_the_share_and_the_seconds_left(monkeypatch: pytest.MonkeyPatc
     assert re.fullmatch(r"\d+%, about (59|60)\d\d s left: 1 of 2 laws, casimir", last)
 
 
-# What a run asks of a scheme beside its own work: states in batches, or single ones (`sepv.verification.LAWS`).
+# What a run asks of a scheme beside its own work: states in batches, or single ones
+# (`sepv.verification.LAWS`).
 BATCHED = {"contract": 3269, "reproducibility": 140606, "mean-square-order": 129024}
 SINGLE = {"reproducibility": 0, "local-mean": 4810, "mean-square-order": 8064, "rounding": 8192}
 
@@ -238,7 +241,9 @@ def test_the_seconds_left_of_laws_side_by_side_are_those_of_the_longest() -> Non
 
 
 def test_a_law_that_takes_longer_than_expected_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It said "96 %, about 1 s left" four times in 25 s: an eighth of what the law had taken so far."""
+    """It said "96 %, about 1 s left" four times in 25 s:
+    an eighth of what the law had taken so far.
+    """
     now, laws = 0.0, load_laws(["energy", "casimir"])
     first, last = (replace(law, cost=cost, steps=0) for law, cost in zip(laws, (10.0, 0.5), strict=True))
     monkeypatch.setattr(time, "monotonic", lambda: now)
@@ -262,7 +267,9 @@ def test_a_law_that_takes_longer_than_expected_says_so(monkeypatch: pytest.Monke
 def test_the_seconds_left_are_not_said_for_longer_than_half_of_what_a_law_was_expected_to_take(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """It said "97 %, about 10 s left" for two minutes of a law that was expected to take one, and took three."""
+    """It said "97 %, about 10 s left" for two minutes of a law that was expected to take one,
+    and took three.
+    """
     now, laws = 0.0, load_laws(["energy", "casimir"])
     first, last = (replace(law, cost=cost, steps=0) for law, cost in zip(laws, (300.0, 60.0), strict=True))
     monkeypatch.setattr(time, "monotonic", lambda: now)
@@ -321,7 +328,8 @@ def test_what_is_quick_or_quiet_says_nothing(capfd: pytest.CaptureFixture[str]) 
     assert capfd.readouterr().err == ""
 
 
-# As `python -m`, but with SIGINT as a terminal has it: a shell that starts jobs in the background has them ignore it.
+# As `python -m`, but with SIGINT as a terminal has it: a shell that starts jobs in the background
+# has them ignore it.
 START = (
     "import sys, signal, runpy; signal.signal(signal.SIGINT, signal.default_int_handler); sys.argv = sys.argv[1:]; "
     "runpy.run_module(sys.argv[0], run_name='__main__', alter_sys=True)"

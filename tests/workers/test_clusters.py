@@ -218,9 +218,11 @@ def test_a_cluster_without_workers_is_not_waited_for_without_end(monkeypatch: An
 def test_a_scheduler_that_is_gone_leaves_what_was_finished(
     tmp_path: Path, how: str, monkeypatch: Any
 ) -> None:
-    """Scheduler and worker are processes of their own; the scheduler is killed, or stopped, after three chunks.
+    """Scheduler and worker are processes of their own; the scheduler is killed, or stopped,
+    after three chunks.
 
-    One that takes its place at the same address knows nothing of the run, though the client connects to it.
+    One that takes its place at the same address knows nothing of the run, though the client
+    connects to it.
     """
     monkeypatch.setattr(on_dask, "CONNECT_SECONDS", 10.0 if how != "frozen" else 5.0)
     file = tmp_path / "scheduler.json"

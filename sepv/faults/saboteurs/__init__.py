@@ -1,7 +1,8 @@
-"""Saboteurs: copies of a scheme, mostly (2.1), each with one fault and all claims of the scheme. They test the laws.
+"""Saboteurs: copies of a scheme, mostly (2.1), each with one fault and all claims of the scheme.
+They test the laws.
 
-Each module is a family of saboteurs, and `SABOTEURS` holds all saboteurs by name. For each kind of fault that a law is
-said to find there is a saboteur; `sepv.faults.detection` runs all of them.
+Each module is a family of saboteurs, and `SABOTEURS` holds all saboteurs by name. For each kind of
+fault that a law is said to find there is a saboteur; `sepv.faults.detection` runs all of them.
 """
 
 from __future__ import annotations

@@ -95,7 +95,9 @@ def divided_by_the_step(step: Step, problem: Problem, y: Array, h: float, dW: Ar
 
 @SABOTEURS.around("in one step of twenty a component is moved by one ulp to where H is larger", ("rounding",))
 def one_signed_nudge(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Move one component of y1 by an ulp so that H grows, in one step of twenty, chosen by the last digits of y."""
+    """Move one component of y1 by an ulp so that H grows, in one step of twenty,
+    chosen by the last digits of y.
+    """
     y1 = step(problem, y, h, dW)
     slope = problem.gradient(y1)
     gain = np.abs(slope) * np.spacing(np.abs(y1))

@@ -1,4 +1,6 @@
-"""Faults of integrators for rigid bodies. Each saboteur is (2.1) for rigid bodies alone, and keeps |y|²."""
+"""Faults of integrators for rigid bodies. Each saboteur is (2.1) for rigid bodies alone,
+and keeps |y|².
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,8 @@ from sepv.schemes import Scheme, Step, energy_preserving, midpoint
 from .record import Family, claiming, imitating
 
 SABOTEURS = Family("bodies")
-# The number of sweeps of the fixed-point iteration for (2.1), and the smallest moment of inertia of a body that turns.
+# The number of sweeps of the fixed-point iteration for (2.1), and the smallest moment of inertia of
+# a body that turns.
 SWEEPS, SMALL = 200, 1e-3
 
 

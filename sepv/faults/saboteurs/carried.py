@@ -1,4 +1,6 @@
-"""Faults of schemes that keep a state along a path: single steps are right or nearly so, but paths are wrong."""
+"""Faults of schemes that keep a state along a path: single steps are right or nearly so,
+but paths are wrong.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ def _begun(_: Problem, y: Array) -> Any:
 
 
 def _shared(buffer: dict[Any, Array]) -> StatefulStep:
-    """A step that keeps the states y of all paths in one buffer, so that one path overwrites the other's state."""
+    """A step that keeps the states y of all paths in one buffer,
+    so that one path overwrites the other's state.
+    """
 
     def init(_: Problem, y: Array) -> Array:
         state = buffer.setdefault(y.shape, np.empty(y.shape))
@@ -46,7 +50,9 @@ def _overwritten(problem: Problem, state: Any, h: float, dW: Array) -> Any:
 
 
 def _stale(problem: Problem, state: Any, h: float, dW: Array) -> Any:
-    """Move by Δ times the rate (y1 − y0)/Δ of the step before; the first step of a path uses its own rate."""
+    """Move by Δ times the rate (y1 − y0)/Δ of the step before;
+    the first step of a path uses its own rate.
+    """
     y, *before = state
     delta = problem.random_step(h, dW)
     with np.errstate(all="ignore"):
@@ -71,7 +77,9 @@ def _frozen(right: Step) -> StatefulStep:
 
 
 def _later(first: int, wrong: Step, problem: Problem, state: Any, h: float, dW: Array) -> Any:
-    """From the step with the number `first` on the step `wrong` is made; steps are numbered from 1."""
+    """From the step with the number `first` on the step `wrong` is made; steps are numbered
+    from 1.
+    """
     y, number = state
     return (_right if number < first else wrong)(problem, y, h, dW), number + 1
 
@@ -115,7 +123,9 @@ def _late_force(problem: Problem, state: Any, h: float, dW: Array) -> Any:
 
 
 def _kept_for_long(problem: Problem, state: Any, h: float, dW: Array) -> Any:
-    """Velocity Verlet that begins each step after the first with the force at the beginning of the step before."""
+    """Velocity Verlet that begins each step after the first with the force at the beginning of the
+    step before.
+    """
     system, (y, force, *stale), delta = mechanics(problem), state, problem.random_step(h, dW)
     q, p = system.split(y)
     p = p + 0.5 * delta * (stale[0] if stale else force)
@@ -125,7 +135,9 @@ def _kept_for_long(problem: Problem, state: Any, h: float, dW: Array) -> Any:
 
 
 def _summed_over_paths(problem: Problem, state: Any, h: float, dW: Array) -> Any:
-    """(2.1) with compensated summation, whose lost roundings are added up over all paths of a batch."""
+    """(2.1) with compensated summation, whose lost roundings are added up over all paths of a
+    batch.
+    """
     y, lost = state
     assert energy_preserving.solve is not None
     solution = energy_preserving.solve(problem, *_lanes(problem, y, h, dW))

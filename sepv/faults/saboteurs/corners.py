@@ -1,4 +1,6 @@
-"""Faults that show in corners only: global state, batches of mixed sizes, many components, steps next to a fold."""
+"""Faults that show in corners only: global state, batches of mixed sizes, many components,
+steps next to a fold.
+"""
 
 from __future__ import annotations
 
@@ -62,13 +64,16 @@ def flushes_to_zero(step: Step, problem: Problem, y: Array, h: float, dW: Array)
     return y1
 
 
-# Bits of the control register of x86's SSE unit (Intel's manual, volume 1, §10.2.3): rounding towards zero, and
-# results and operands that are subnormal taken as 0. glibc stores the register from byte 28 of the environment.
+# Bits of the control register of x86's SSE unit (Intel's manual, volume 1, §10.2.3): rounding
+# towards zero, and results and operands that are subnormal taken as 0. glibc stores the register
+# from byte 28 of the environment.
 _CHOP, _FLUSH, _PLACE = 0x6000, 0x8040, slice(28, 32)
 
 
 def change_arithmetic(bits: int) -> None:
-    """Set bits of the control register, in a process of glibc on x86; other systems keep their arithmetic."""
+    """Set bits of the control register, in a process of glibc on x86;
+    other systems keep their arithmetic.
+    """
     library, room = ctypes.CDLL(None), ctypes.create_string_buffer(512)
     if platform.machine() in ("x86_64", "AMD64") and platform.libc_ver()[0] == "glibc":
         library.fegetenv(room)
@@ -114,7 +119,8 @@ def remembers_degrees_by_id(
     degree = known.setdefault(id(problem), problem.degree)
     if degree in (None, problem.degree):
         return _step(problem, y, h, dW)
-    # H has another degree than that of the record that had this id before, and ∇H is averaged with one node.
+    # H has another degree than that of the record that had this id before, and ∇H is averaged with
+    # one node.
     y0, noise = as_lanes(problem, y, h, dW)
     z, delta = np.zeros_like(y0), problem.random_step(h, noise)[None]
     for _ in range(100):
@@ -152,7 +158,9 @@ def rests_where_negative(step: Step, problem: Problem, y: Array, h: float, dW: A
 
 
 def _near_the_start() -> Scheme:
-    """(2.1) for the pendulum, projected on the level of its initial state if H differs from it by less than 0.1 %."""
+    """(2.1) for the pendulum, projected on the level of its initial state if H differs from it by
+    less than 0.1 %.
+    """
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         y1 = energy_preserving.step(problem, y, h, dW)

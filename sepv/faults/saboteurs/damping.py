@@ -1,4 +1,6 @@
-"""Faults of schemes for damped systems: each claims what *conformal* claims, and breaks a law of decay or symmetry."""
+"""Faults of schemes for damped systems: each claims what *conformal* claims,
+and breaks a law of decay or symmetry.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,9 @@ def damped_at_once(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 def _between(
     problem: Problem, y: Array, h: float, dW: Array, scheme: Scheme, first: float = 0.0, last: float = 0.0
 ) -> Array:
-    """Multiply y by `first` before and `last` after the undamped step; 0 stands for e^(−γh/2) with the damping γ."""
+    """Multiply y by `first` before and `last` after the undamped step; 0 stands for e^(−γh/2)
+    with the damping γ.
+    """
     conformal.step(problem, y, 0.0, 0 * dW)  # raises for problems that the scheme refuses
     half = float(np.exp(-0.5 * h * getattr(problem, "damping", 0.0)))
     quiet = Problem(**{f.name: getattr(problem, f.name) for f in fields(Problem) if f.init}, check=False)

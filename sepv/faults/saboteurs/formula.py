@@ -1,4 +1,6 @@
-"""Faults of the formula: B or ∇H at the wrong place, another scheme's formula, or (2.1) with a wrong claim."""
+"""Faults of the formula: B or ∇H at the wrong place, another scheme's formula, or (2.1)
+with a wrong claim.
+"""
 
 from __future__ import annotations
 
@@ -33,17 +35,23 @@ _EXPLICIT = ("energy", *_TURNED, "reduction", "rounding")
 
 
 def with_structure(structure: Part) -> Formula:
-    """The right side of (2.1) with the matrix structure(fields, y, z) in place of B(y + z/2), where z = y1 − y."""
+    """The right side of (2.1) with the matrix structure(fields, y, z) in place of B(y + z/2),
+    where z = y1 − y.
+    """
     return lambda fields, y, z, step: step[0] * matvec(structure(fields, y, z), fields.mean_gradient(y, z))
 
 
 def with_average(average: Part) -> Formula:
-    """The right side of (2.1) with the vector average(fields, y, z) in place of ∫∇H, where z = y1 − y."""
+    """The right side of (2.1) with the vector average(fields, y, z) in place of ∫∇H,
+    where z = y1 − y.
+    """
     return lambda fields, y, z, step: step[0] * matvec(fields.structure(middle(y, z)), average(fields, y, z))
 
 
 def quadrature(nodes: Callable[[Problem], int | None], digits: int = 17) -> Formula:
-    """The right side of (2.1) with ∫∇H by nodes(problem) Gauss nodes rounded to `digits`, exact ∫∇H for None."""
+    """The right side of (2.1) with ∫∇H by nodes(problem) Gauss nodes rounded to `digits`,
+    exact ∫∇H for None.
+    """
 
     def average(fields: Fields, y: Any, z: Any) -> Any:
         count = nodes(fields.problem)
@@ -58,7 +66,9 @@ def quadrature(nodes: Callable[[Problem], int | None], digits: int = 17) -> Form
 
 
 def of_degree(nodes: Callable[[int], int]) -> Callable[[Problem], int | None]:
-    """Make a function that gives a problem's number of quadrature nodes by the degree of H; None if H has none."""
+    """Make a function that gives a problem's number of quadrature nodes by the degree of H;
+    None if H has none.
+    """
     return lambda problem: None if problem.degree is None else max(1, nodes(problem.degree))
 
 
@@ -76,7 +86,9 @@ def _constant_b_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
 
 
 def _first(y: Any, count: int) -> Any:
-    """The array (d, 1, ...) of ones for the first `count` components and zeros for the others, to multiply y by."""
+    """The array (d, 1, ...) of ones for the first `count` components and zeros for the others,
+    to multiply y by.
+    """
     return (np.arange(len(y)) < count).reshape(-1, *(1,) * (np.ndim(y) - 1))
 
 
@@ -171,7 +183,9 @@ def runge_kutta(problem: Problem, y0: Array, step: Array) -> Array:
 
 
 def _projected(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Take a step, then project y1 along ∇H to the energy level of y by six iterations of Newton's method."""
+    """Take a step, then project y1 along ∇H to the energy level of y by six iterations of Newton's
+    method.
+    """
     y1 = step(problem, y, h, dW)
     for _ in range(6):
         g, gap = problem.gradient(y1), problem.hamiltonian(y1) - problem.hamiltonian(y)

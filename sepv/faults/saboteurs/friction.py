@@ -1,4 +1,6 @@
-"""Faults of schemes for Langevin dynamics: BAOAB with one wrong part, which claims what BAOAB claims."""
+"""Faults of schemes for Langevin dynamics: BAOAB with one wrong part,
+which claims what BAOAB claims.
+"""
 
 from __future__ import annotations
 

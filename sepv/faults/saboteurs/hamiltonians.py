@@ -1,4 +1,6 @@
-"""Faults of schemes for several Hamiltonians: each claims, but lacks, one property of the scheme that it imitates."""
+"""Faults of schemes for several Hamiltonians: each claims, but lacks,
+one property of the scheme that it imitates.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +55,9 @@ def areas_of_other_sign(problem: Problem, y: Array, h: float, dW: Array, areas: 
     schemes.stochastic_splitting, "the flows are composed in turn, and not symmetrically", ("symmetry",)
 )
 def lie_and_trotter(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Compose the flows of all Hamiltonians once, in the order of a list (Lie and Trotter): this is not symmetric."""
+    """Compose the flows of all Hamiltonians once, in the order of a list (Lie and Trotter):
+    this is not symmetric.
+    """
     schemes.stochastic_splitting.step(problem, y, 0.0, 0 * dW)  # raises for problems that the scheme refuses
     state, noise = as_lanes(problem, y, h, dW)
     flows: tuple[Any, ...] = (*problem.flows, *problem.noise_flows)  # type: ignore[attr-defined]
@@ -69,7 +73,9 @@ def lie_and_trotter(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     ("poisson-map", "invariant:casimir"),
 )
 def midpoint_as_isospectral(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Take the midpoint rule, x = (y0 + y1)/2 and y1 − y0 = f(x), in place of the isospectral midpoint rule."""
+    """Take the midpoint rule, x = (y0 + y1)/2 and y1 − y0 = f(x),
+    in place of the isospectral midpoint rule.
+    """
     algebra_of(problem, as_lanes(problem, y, h, dW)[0])
     return schemes.stochastic_midpoint.step(problem, y, h, dW)
 
@@ -80,7 +86,9 @@ def midpoint_as_isospectral(problem: Problem, y: Array, h: float, dW: Array) -> 
     lambda increment: imitating(schemes.darboux_lie, Implicit(increment, parts=each_noise)),
 )
 def arithmetic_middle(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
-    """The right side R = y0(exp(f(ȳ)/ȳ) − 1) of y1 = y0 + R, with the arithmetic mean ȳ = (y0 + y1)/2."""
+    """The right side R = y0(exp(f(ȳ)/ȳ) − 1) of y1 = y0 + R,
+    with the arithmetic mean ȳ = (y0 + y1)/2.
+    """
     middle = y0 + 0.5 * (y1 - y0)
     return Increment(y0 * np.expm1(hamiltonian_field(problem, middle, step) / middle))
 
@@ -101,7 +109,9 @@ def halves_alike(problem: Problem, y: Array, h: float, dW: Array, first: Array) 
     ("invariant:energy", "invariant:casimir", "local-weak"),
 )
 def pushed_too_far(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
-    """Multiply all noise increments dW by 1 + 2⁻²⁰, so that the noise is too large by this factor."""
+    """Multiply all noise increments dW by 1 + 2⁻²⁰, so that the noise is too large by this
+    factor.
+    """
     schemes.drift_preserving.step(
         problem, y, 0.0, 0 * dW, 0 * first
     )  # raises for problems that the scheme refuses
@@ -133,7 +143,9 @@ _explicit_structure = implicit(
     ("invariant:casimir", "symmetry"),
 )
 def structure_before_the_step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
-    """Take B at Y, not at the midpoint: Y + hB(Y)∇̄H, where Y is the state after the first half of the noise."""
+    """Take B at Y, not at the midpoint: Y + hB(Y)∇̄H, where Y is the state after the first half of
+    the noise.
+    """
     return _between_the_halves(_explicit_structure, problem, y, h, dW, first)
 
 
@@ -146,5 +158,7 @@ _midpoint = implicit(lambda fields, y, z, step: step[0] * fields.field(y + 0.5 *
     ("invariant:energy",),
 )
 def midpoint_between_the_halves(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
-    """Make a midpoint step, in the place of an energy-preserving one, between the halves of the noise."""
+    """Make a midpoint step, in the place of an energy-preserving one,
+    between the halves of the noise.
+    """
     return _between_the_halves(_midpoint, problem, y, h, dW, first)

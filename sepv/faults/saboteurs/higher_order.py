@@ -1,4 +1,5 @@
-"""Faults of schemes beyond the paper: several stages, quadrature, truncation, more than one invariant.
+"""Faults of schemes beyond the paper: several stages, quadrature, truncation,
+more than one invariant.
 
 Each saboteur claims what the scheme that it imitates claims.
 """
@@ -36,13 +37,16 @@ from sepv.schemes._leapfrog import composed, yoshida
 from .record import Family, explicit_step, imitating, middle
 
 SABOTEURS = Family("higher order")
-# Inside the contraction radius each correction is at most a quarter of the one before; 26 of them give 16 digits.
+# Inside the contraction radius each correction is at most a quarter of the one before; 26 of them
+# give 16 digits.
 _ITERATIONS = 100
 Tables = Callable[[int, int], tuple[Array, Array]]
 
 
 def staged(stages: int, tables: Tables) -> Step:
-    """A collocation step with this number of stages, by fixed-point iteration; `tables` gives quadrature weights."""
+    """A collocation step with this number of stages, by fixed-point iteration;
+    `tables` gives quadrature weights.
+    """
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         y0, noise = as_lanes(problem, y, h, dW)
@@ -114,7 +118,9 @@ SABOTEURS.rows(
     lambda R: imitating(schemes.both_invariants, _as_both(implicit(R))),
 )
 def factor_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    """The right side Δ g(y0) (∇̄H × ∇̄C), where f = g ∇H × ∇C: as g is taken at y0, the step is not symmetric."""
+    """The right side Δ g(y0) (∇̄H × ∇̄C), where f = g ∇H × ∇C: as g is taken at y0,
+    the step is not symmetric.
+    """
     return step[0] * fields.factor(y) * cross(fields.mean_gradient(y, z), fields.mean_casimir_gradient(y, z))
 
 
@@ -131,7 +137,9 @@ def _of_structures(formula: Formula) -> Callable[[], Scheme]:
     _of_structures,
 )
 def structures_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    """The right side [h B(ȳ) + Σ c_j ΔW_j G_j(y0)] ∇̄H, whose noise structures G_j are taken at y0, not at ȳ."""
+    """The right side [h B(ȳ) + Σ c_j ΔW_j G_j(y0)] ∇̄H, whose noise structures G_j are taken at y0,
+    not at ȳ.
+    """
     drift = step[0] * fields.structure(middle(y, z))
     structures = noise_structures(fields.problem)
     noise = sum(part * G(y) for part, G in zip(step[1:], structures, strict=True))
@@ -154,7 +162,9 @@ def structures_exchanged(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     _of_structures,
 )
 def rests_where_undefined(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    """Take 0 for a noise structure S_j that is undefined because ∇H_0 = 0: y1 = y0, although B∇H_j ≠ 0."""
+    """Take 0 for a noise structure S_j that is undefined because ∇H_0 = 0: y1 = y0,
+    although B∇H_j ≠ 0.
+    """
     return matvec(np.nan_to_num(fields.combined(middle(y, z), step)), fields.mean_gradient(y, z))
 
 
@@ -166,7 +176,9 @@ SABOTEURS.rows(
 
 
 def _classical(outer: float, inner: float, problem: Problem, y0: Array, delta: Array) -> Array:
-    """The classical Runge-Kutta method with the weights `outer`, `inner`, `inner`, `outer` of its stages."""
+    """The classical Runge-Kutta method with the weights `outer`, `inner`, `inner`,
+    `outer` of its stages.
+    """
     k1 = vector_field(problem, y0)
     k2 = vector_field(problem, y0 + 0.5 * delta * k1)
     k3 = vector_field(problem, y0 + 0.5 * delta * k2)
@@ -193,7 +205,9 @@ SABOTEURS.rows(
     ("deterministic-order", "symmetry", "poisson-map:constant", "long-time-energy"),
 )
 def force_of_first_kick(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """The leapfrog p + ½ΔF(q), q + ΔM⁻¹p, p + ½ΔF(q), with the force at the old q in the second kick too."""
+    """The leapfrog p + ½ΔF(q), q + ΔM⁻¹p, p + ½ΔF(q), with the force at the old q in the second
+    kick too.
+    """
     system, (state, noise) = mechanics(problem), as_lanes(problem, y, h, dW)
     delta = problem.random_step(h, noise)
     q, p = system.split(state)
@@ -202,7 +216,9 @@ def force_of_first_kick(problem: Problem, y: Array, h: float, dW: Array) -> Arra
 
 
 def _with(increments: str | PointLaw) -> Callable[[], Scheme]:
-    """Make a function that returns modified-weak-2, of weak order 2, with these increments and not three-point ones."""
+    """Make a function that returns modified-weak-2, of weak order 2,
+    with these increments and not three-point ones.
+    """
     return lambda: weakly(schemes.modified_weak_two, increments)
 
 

@@ -1,7 +1,8 @@
 """Faults that real programs had, each with the public report (thread) in which it was found.
 
-Each fault is put into a right method (in `RIGHT`), whose claims are kept. The reported fault is repeated for the
-equation (1.1), where all noises drive the field f = B∇H: dy = f dt + Σ_j c_j f ∘dW_j.
+Each fault is put into a right method (in `RIGHT`), whose claims are kept. The reported fault is
+repeated for the equation (1.1), where all noises drive the field f = B∇H: dy = f dt + Σ_j c_j f
+∘dW_j.
 """
 
 from __future__ import annotations
@@ -31,7 +32,9 @@ _SCIML = "https://github.com/SciML"
 
 
 def _moving(move: Move) -> Any:
-    """Make the step y1 = y + move(problem, y, h, dW), which takes one state (d,) or a batch (d, M)."""
+    """Make the step y1 = y + move(problem, y, h, dW), which takes one state (d,) or a batch
+    (d, M).
+    """
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         state, noise = as_lanes(problem, y, h, dW)
@@ -46,7 +49,9 @@ def _like(scheme: Scheme, move: Move) -> Scheme:
 
 
 def _in(right: Scheme, *rows: Row) -> None:
-    """Add saboteurs: each row has the method `right` with a fault in y1 − y, and the public report of this fault."""
+    """Add saboteurs: each row has the method `right` with a fault in y1 − y,
+    and the public report of this fault.
+    """
     RIGHT.update((name, right) for name, *_ in rows)
     SABOTEURS.rows(*rows, by=lambda move: partial(_like, right, move))
 
@@ -57,7 +62,9 @@ def _noise(problem: Problem, dW: Array) -> Array:
 
 
 def _by_taylor(problem: Problem, y: Array, h: float, dW: Array, *, wrong: bool = False) -> Array:
-    """The move y1 − y = Δf + ½Δ²f′f of a Taylor method; if `wrong`, f′ is applied to y + Δf and not to f."""
+    """The move y1 − y = Δf + ½Δ²f′f of a Taylor method; if `wrong`,
+    f′ is applied to y + Δf and not to f.
+    """
     delta = problem.random_step(h, dW)
     temporary = vector_field(problem, y)
     moved = delta * temporary
@@ -69,7 +76,9 @@ def _by_taylor(problem: Problem, y: Array, h: float, dW: Array, *, wrong: bool =
 def _by_difference(
     problem: Problem, y: Array, h: float, dW: Array, *, sides: int = 2, drift: bool = False
 ) -> Array:
-    """Milstein's move (h + S)f + ½S²f′f, S = Σ c_jΔW_j; f′f is a difference of width √h, with one or two `sides`."""
+    """Milstein's move (h + S)f + ½S²f′f, S = Σ c_jΔW_j; f′f is a difference of width √h,
+    with one or two `sides`.
+    """
     S, f, width = _noise(problem, dW), vector_field(problem, y), math.sqrt(abs(h))
     if not width:
         return S * f + 0.5 * S**2 * derivative_along(problem, y, f)
@@ -85,19 +94,25 @@ DIFFERENCE = replace(_like(milstein, _by_difference), name="milstein by differen
 
 
 def _heun(problem: Problem, y: Array, h: float, noise: Array) -> Array:
-    """Heun's move y1 − y = hf + ½(f(ŷ) + f)·noise, ŷ = y + hf + f·noise; `noise` is (M,), or (d, M) by component."""
+    """Heun's move y1 − y = hf + ½(f(ŷ) + f)·noise, ŷ = y + hf + f·noise; `noise` is (M,), or (d, M)
+    by component.
+    """
     f = vector_field(problem, y)
     return h * f + 0.5 * (vector_field(problem, y + h * f + f * noise) + f) * noise
 
 
 def _milstein(problem: Problem, y: Array, h: float, S: Array, square: Array) -> Array:
-    """Milstein's move y1 − y = (h + S)f + ½ `square` f′f; the right method has S = Σ c_jΔW_j and `square` = S²."""
+    """Milstein's move y1 − y = (h + S)f + ½ `square` f′f;
+    the right method has S = Σ c_jΔW_j and `square` = S².
+    """
     f = vector_field(problem, y)
     return (h + S) * f + 0.5 * square * derivative_along(problem, y, f)
 
 
 def _matrix_as_diagonal(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Let noise i drive component i only, as if the (d, m) matrix with columns c_j f were diagonal."""
+    """Let noise i drive component i only, as if the (d, m) matrix with columns c_j f were
+    diagonal.
+    """
     diagonal = np.zeros_like(y)
     shared = min(len(y), len(dW))
     diagonal[:shared] = (problem.c[:, None] * dW)[:shared]
@@ -115,7 +130,9 @@ def _noises_crossed(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def _index_repeated(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Use ΔW_i² − h in place of ΔW_iΔW_j − δ_ij h in the double sum Σ_ij c_i c_j of Milstein's Itô form."""
+    """Use ΔW_i² − h in place of ΔW_iΔW_j − δ_ij h in the double sum Σ_ij c_i c_j of Milstein's Itô
+    form.
+    """
     c = problem.c[:, None]
     square = np.sum(c * (dW**2 - h), axis=0) * np.sum(c) + np.sum(c**2) * h
     return _milstein(problem, y, h, _noise(problem, dW), square)
@@ -141,7 +158,9 @@ def _transposed_derivative(problem: Problem, y: Array, h: float, dW: Array) -> A
 
 
 def _fixed_numbers(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Draw increments from a new generator with the same seed in each call, and ignore the given increments dW."""
+    """Draw increments from a new generator with the same seed in each call,
+    and ignore the given increments dW.
+    """
     numbers = np.random.default_rng(42).standard_normal((dW.shape[0], 1)) * math.sqrt(abs(h))
     return _heun(problem, y, h, _noise(problem, np.broadcast_to(numbers, dW.shape)))
 

@@ -1,4 +1,6 @@
-"""Faults of the interface: single calls are right, but a step has side effects, fails in batches, or breaks types."""
+"""Faults of the interface: single calls are right, but a step has side effects, fails in batches,
+or breaks types.
+"""
 
 from __future__ import annotations
 
@@ -78,7 +80,9 @@ def remembers_the_array(
 
 @SABOTEURS.around("the iteration starts from where the last call ended", _CONTRACT, memory=dict)
 def warm_started(last: Memory, _step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Start the fixed-point iteration from the last result, so that y1 differs in its last bits between equal calls."""
+    """Start the fixed-point iteration from the last result,
+    so that y1 differs in its last bits between equal calls.
+    """
     y0, noise = as_lanes(problem, y, h, dW)
     guess = last.get("z")
     z = guess if guess is not None and guess.shape == y0.shape else np.zeros_like(y0)

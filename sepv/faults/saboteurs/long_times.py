@@ -1,4 +1,6 @@
-"""Faults that show in the energy over many periods. Each saboteur claims what the scheme that it imitates claims."""
+"""Faults that show in the energy over many periods. Each saboteur claims what the scheme that it
+imitates claims.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ SABOTEURS = Family("long times")
     ("long-time-energy", "poisson-map:constant", "deterministic-order"),
 )
 def kick_of_another_mass(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Take ½Δ D⁻¹F in place of ½ΔM⁻¹F in the leapfrog's kicks of the velocity, where D is the diagonal of M."""
+    """Take ½Δ D⁻¹F in place of ½ΔM⁻¹F in the leapfrog's kicks of the velocity,
+    where D is the diagonal of M.
+    """
     system, (state, noise) = mechanics(problem), as_lanes(problem, y, h, dW)
     delta, inverse = problem.random_step(h, noise), 1 / np.diag(system.mass)[:, None]
     q, p = system.split(state)
@@ -37,7 +41,9 @@ def kick_of_another_mass(problem: Problem, y: Array, h: float, dW: Array) -> Arr
     ("long-time-energy", "deterministic-order", "random-step"),
 )
 def drift_of_a_rounded_step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """In the leapfrog, drift by q + Δ′M⁻¹p, where Δ′ is Δ rounded to two digits, and kick with Δ."""
+    """In the leapfrog, drift by q + Δ′M⁻¹p, where Δ′ is Δ rounded to two digits, and kick with
+    Δ.
+    """
     system, (state, noise) = mechanics(problem), as_lanes(problem, y, h, dW)
     delta = problem.random_step(h, noise)
     rounded = np.array([float(f"{step:.1e}") for step in np.atleast_1d(delta)])
@@ -88,7 +94,9 @@ def stored_in_single_precision(problem: Problem, y: Array, h: float, dW: Array) 
     ("long-time-energy", "symmetry", "poisson-map:constant"),
 )
 def three_sweeps(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Iterate the midpoint rule, y1 ← y0 + Δ f((y0 + y1)/2), three times from y1 = y0, and stop unsolved."""
+    """Iterate the midpoint rule, y1 ← y0 + Δ f((y0 + y1)/2), three times from y1 = y0,
+    and stop unsolved.
+    """
     y0, noise = as_lanes(problem, y, h, dW)
     delta, y1 = problem.random_step(h, noise), y0
     for _ in range(3):

@@ -1,4 +1,6 @@
-"""Faults of the noise: another random step than Δ = h + Σ_j c_j ΔW_j, or noise where it does not belong."""
+"""Faults of the noise: another random step than Δ = h + Σ_j c_j ΔW_j,
+or noise where it does not belong.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ _SIZES = (
 
 
 def _with(delta: Callable[[Any, Any, Any], Any]) -> Callable[[], Scheme]:
-    """Make (2.1) with another random step Δ = delta(c, h, w), of shape (M,), where c is (m, 1) and w = dW is (m, M)."""
+    """Make (2.1) with another random step Δ = delta(c, h, w), of shape (M,), where c is (m, 1)
+    and w = dW is (m, M).
+    """
     return implicit(formula, lambda problem, h, noise: delta(problem.c[:, None], h, noise)[None])
 
 

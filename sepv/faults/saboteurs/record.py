@@ -1,4 +1,6 @@
-"""The class of saboteurs, which are schemes broken on purpose, and functions that make them, mostly from (2.1)."""
+"""The class of saboteurs, which are schemes broken on purpose, and functions that make them,
+mostly from (2.1).
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ By = Callable[[Any], Callable[[], Scheme]]
 
 @dataclass(frozen=True)
 class Saboteur:
-    """A scheme with one fault that still has all claims of the right scheme: (2.1), or the scheme that it imitates."""
+    """A scheme with one fault that still has all claims of the right scheme: (2.1),
+    or the scheme that it imitates.
+    """
 
     name: str
     family: str
@@ -43,7 +47,9 @@ class Saboteur:
 
 
 def claiming(step: Step, **changes: Any) -> Scheme:
-    """A scheme with this step and the claims of (2.1). Its `solve` is None, so that nothing bypasses `step`."""
+    """A scheme with this step and the claims of (2.1). Its `solve` is None,
+    so that nothing bypasses `step`.
+    """
     return replace(original, step=step, solve=None, **changes)
 
 
@@ -53,14 +59,18 @@ def middle(y: Any, z: Any) -> Any:
 
 
 def right_side(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    """The right side Δ B(ȳ) ∇̄H of (2.1), with ∇̄H = ∫∇H and Δ = `step`, for y0 and y1 of shape (d,) or (d, M)."""
+    """The right side Δ B(ȳ) ∇̄H of (2.1), with ∇̄H = ∫∇H and Δ = `step`,
+    for y0 and y1 of shape (d,) or (d, M).
+    """
     lanes = (len(y0), -1)
     increment = counted(formula, problem, y0.reshape(lanes), y1.reshape(lanes), step.reshape(1, -1))
     return increment.value.reshape(y0.shape)
 
 
 def explicit_step(update: Update) -> Step:
-    """The step y1 = update(problem, y0, Δ), for formulas that are explicit or contain their own solver."""
+    """The step y1 = update(problem, y0, Δ), for formulas that are explicit or contain their own
+    solver.
+    """
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         y0, noise = as_lanes(problem, y, h, dW)
@@ -70,19 +80,25 @@ def explicit_step(update: Update) -> Step:
 
 
 def implicit(R: Formula, parts: Parts = random_step, **more: Any) -> Callable[[], Scheme]:
-    """Make a function that returns (2.1) with the step y1 = y0 + R(…); `parts` computes the data of R, such as Δ."""
+    """Make a function that returns (2.1) with the step y1 = y0 + R(…);
+    `parts` computes the data of R, such as Δ.
+    """
     return lambda: claiming(one_step.implicit(R, parts=parts, **more))
 
 
 def explicit(update: Update) -> Callable[[], Scheme]:
-    """Make a function that returns a scheme with the claims of (2.1) and the step y1 = update(problem, y0, Δ)."""
+    """Make a function that returns a scheme with the claims of (2.1)
+    and the step y1 = update(problem, y0, Δ).
+    """
     return lambda: claiming(explicit_step(update))
 
 
 def around(change: Callable[..., Array], memory: Callable[[], Any] | None = None) -> Callable[[], Scheme]:
-    """Make a function that returns (2.1) with its step replaced by change(old step, problem, y, h, dW).
+    """Make a function that returns (2.1) with its step replaced by change(old step, problem, y, h,
+    dW).
 
-    If `memory` is given, the first argument of `change` is an object memory(), which is made anew for each scheme.
+    If `memory` is given, the first argument of `change` is an object memory(), which is made anew
+    for each scheme.
     """
     return lambda: claiming(partial(change, *([memory()] if memory else []), original.step))
 
@@ -103,9 +119,11 @@ def unchanged(make: Callable[[], Scheme]) -> Callable[[], Scheme]:
 
 
 class Family(list[Saboteur]):
-    """A list of saboteurs in the order of their definition, added by rows of a table or by decorated functions.
+    """A list of saboteurs in the order of their definition,
+    added by rows of a table or by decorated functions.
 
-    `by` makes the whole scheme from the broken part. A saboteur has its decorated function's name, with hyphens.
+    `by` makes the whole scheme from the broken part. A saboteur has its decorated function's name,
+    with hyphens.
     """
 
     def __init__(self, name: str) -> None:
@@ -113,12 +131,16 @@ class Family(list[Saboteur]):
         self.name = name
 
     def rows(self, *rows: Row, by: By = unchanged) -> None:
-        """Add saboteurs by rows: name, fault in words, laws that find it, broken part, and a real fault's report."""
+        """Add saboteurs by rows: name, fault in words, laws that find it, broken part,
+        and a real fault's report.
+        """
         for name, broken, laws, fault, *thread in rows:
             self.append(Saboteur(name, self.name, broken, by(fault), laws, *thread))
 
     def made(self, broken: str, laws: Laws, by: By) -> Callable[[Fault], Fault]:
-        """Decorate the broken part of a saboteur, a function; `by` makes the scheme. `broken` states the fault."""
+        """Decorate the broken part of a saboteur, a function; `by` makes the scheme.
+        `broken` states the fault.
+        """
 
         def added(fault: Fault) -> Fault:
             self.rows((fault.__name__.replace("_", "-"), broken, laws, fault), by=by)
@@ -127,13 +149,19 @@ class Family(list[Saboteur]):
         return added
 
     def like(self, right: Scheme, broken: str, laws: Laws) -> Callable[[Fault], Fault]:
-        """Decorate a broken step: the saboteur is the scheme `right` with this step. `broken` is the fault in words."""
+        """Decorate a broken step: the saboteur is the scheme `right` with this step.
+        `broken` is the fault in words.
+        """
         return self.made(broken, laws, partial(imitating, right))
 
     def formula(self, broken: str, laws: Laws, **more: Any) -> Callable[[Fault], Fault]:
-        """Decorate a broken right side R: the saboteur is (2.1) with y1 = y0 + R. `broken` is the fault in words."""
+        """Decorate a broken right side R: the saboteur is (2.1) with y1 = y0 + R.
+        `broken` is the fault in words.
+        """
         return self.made(broken, laws, partial(implicit, **more))
 
     def around(self, broken: str, laws: Laws, memory: Any = None) -> Callable[[Fault], Fault]:
-        """Decorate a broken step: a function of (2.1)'s own step, problem, y, h, dW. `broken` is the fault in words."""
+        """Decorate a broken step: a function of (2.1)'s own step, problem, y, h, dW.
+        `broken` is the fault in words.
+        """
         return self.made(broken, laws, partial(around, memory=memory))

@@ -1,4 +1,6 @@
-"""Faults of the solver: the equation is (2.1), but y1 does not solve it to rounding, and StepFailure is not raised."""
+"""Faults of the solver: the equation is (2.1), but y1 does not solve it to rounding,
+and StepFailure is not raised.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ def _fixed_point(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
 
 
 def _slope(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
-    """The derivative ∂R/∂z of the right side R of (2.1), by formulas if the problem has them, else by differences."""
+    """The derivative ∂R/∂z of the right side R of (2.1), by formulas if the problem has them,
+    else by differences.
+    """
     y1 = y0 + z
     known = jacobian(problem, y0, y1, step)
     if known is not None:
@@ -52,7 +56,8 @@ def _frozen_newton(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
 def _iterated(
     correction: Correction, most: int, tolerance: float = 0.0, *, together: bool = False
 ) -> Callable[[], Scheme]:
-    """A saboteur that iterates z ← z + correction from 0, at most `most` times or until |correction| ≤ tolerance |y|.
+    """A saboteur that iterates z ← z + correction from 0,
+    at most `most` times or until |correction| ≤ tolerance |y|.
 
     If `together` is true, all paths of a batch stop as soon as one of them has converged.
     """
@@ -95,7 +100,8 @@ SABOTEURS.rows(
      lambda: replace(_iterated(_fixed_point, 60, 1e-8)(), solver_tolerance=1e-13)),
     ("newton-once", "one iteration of Newton, whatever it leaves", _SEEN, _iterated(_newton, 1)),
     ("newton-twice", "two iterations of Newton, whatever they leave", _SEEN, _iterated(_newton, 2)),
-    # Inside the contraction radius three iterations meet the laws *casimir* and *midpoint* to rounding.
+    # Inside the contraction radius three iterations meet the laws *casimir* and *midpoint* to
+    # rounding.
     ("newton-thrice", "three iterations of Newton, whatever they leave",
      tuple(law for law in _SEEN if law not in ("casimir", "midpoint")), _iterated(_newton, 3)),
     ("newton-four-times", "four iterations of Newton: right for all but long steps", ("energy",),
@@ -108,7 +114,9 @@ SABOTEURS.rows(
     ("reference",),
 )
 def one_evaluation_more(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Replace the solved y1 by y0 + R(y0, y1), R the right side of (2.1); the error is that of y1 times ∂R/∂y1."""
+    """Replace the solved y1 by y0 + R(y0, y1), R the right side of (2.1);
+    the error is that of y1 times ∂R/∂y1.
+    """
     return y + right_side(problem, y, step(problem, y, h, dW), random_step(problem, h, dW))
 
 

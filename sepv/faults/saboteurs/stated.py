@@ -1,4 +1,5 @@
-"""Faults of schemes for problems that state functions (`Problem.invariants`): each breaks the law *invariant*.
+"""Faults of schemes for problems that state functions (`Problem.invariants`):
+each breaks the law *invariant*.
 
 `RIGHT` has the right scheme of each saboteur, which claims the law for the problems that it names.
 """
@@ -28,7 +29,9 @@ def _hat(y: Array) -> Array:
 
 
 def spin() -> Problem:
-    """A spin y in a field along its third axis, rotated by noises about its first and second: L y_3 = −c² y_3."""
+    """A spin y in a field along its third axis, rotated by noises about its first and second:
+    L y_3 = −c² y_3.
+    """
     return HamiltoniansProblem(
         3, _hat, lambda y: y[2], noise=(0.5, 0.5), noise_hamiltonians=(lambda y: y[0], lambda y: y[1]),
         initial=(0.6, 0.0, 0.8), name="spin",
@@ -47,7 +50,9 @@ def damped() -> Problem:
 
 
 def rotations(problem: Problem, y: Array, h: float, dW: Array, loud: float = 1.0) -> Array:
-    """Rotations of a spin about the axes 3, 1 and 2: the exact flows of y_3, y_1 and y_2, and so exact means."""
+    """Rotations of a spin about the axes 3, 1 and 2: the exact flows of y_3, y_1 and y_2,
+    and so exact means.
+    """
     noise = loud * problem.c.reshape(-1, *(1,) * (np.ndim(dW) - 1)) * dW
     for axis, angle in ((2, h), (0, noise[0]), (1, noise[1])):
         i, j = (axis + 1) % 3, (axis + 2) % 3
@@ -88,7 +93,9 @@ def pull_off_the_line(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def _pushed(problem: Problem, y: Array, h: float, dW: Array, places: Sequence[int]) -> Array:
-    """The leapfrog, and at its end STATED_ERROR of the force of a step on the momenta at given places."""
+    """The leapfrog, and at its end STATED_ERROR of the force of a step on the momenta at given
+    places.
+    """
     y1 = leapfrog.step(problem, y, h, dW).copy()
     system = mechanics(problem)
     q, p = system.split(y1)

@@ -1,7 +1,8 @@
 """Faults of schemes that claim to keep the Poisson structure or the domain.
 
-Each saboteur has the claims of the scheme that it imitates: the midpoint rule, which is symplectic, or the splitting,
-whose step is a Poisson map and stays in the positive octant. One saboteur is (2.1) with two false claims.
+Each saboteur has the claims of the scheme that it imitates: the midpoint rule, which is symplectic,
+or the splitting, whose step is a Poisson map and stays in the positive octant. One saboteur is
+(2.1) with two false claims.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ SABOTEURS.rows(
 
 
 def _split(problem: Problem, y: Array, delta: Array) -> Array:
-    """A step of the splitting scheme, which composes exact flows, over the random steps `delta` = Δ (M,)."""
+    """A step of the splitting scheme, which composes exact flows,
+    over the random steps `delta` = Δ (M,).
+    """
     # With h = 0 and one noise of size 1, the random step is the given increment.
     return splitting.step(replace(problem, noise=(1.0,), check=False), y, 0.0, delta[None])
 
@@ -52,7 +55,9 @@ def _like_splitting(update: Update) -> Callable[[], Scheme]:
     _like_splitting,
 )
 def time_of_place(problem: Problem, y: Array, step: Array) -> Array:
-    """Take the splitting over the time Δ(1 + Δ⁴ y_1/64), which depends on y, so that the step is no Poisson map."""
+    """Take the splitting over the time Δ(1 + Δ⁴ y_1/64), which depends on y,
+    so that the step is no Poisson map.
+    """
     delta = step[0]
     return _split(problem, y, delta * (1 + delta**4 * y[0] / 64))
 
@@ -63,7 +68,9 @@ def time_of_place(problem: Problem, y: Array, step: Array) -> Array:
     _like_splitting,
 )
 def tangent_of_first(problem: Problem, y: Array, step: Array) -> Array:
-    """Replace the first exact flow of the splitting by an Euler step, which keeps only the flow's linear invariants."""
+    """Replace the first exact flow of the splitting by an Euler step,
+    which keeps only the flow's linear invariants.
+    """
     if not problem.flows:
         return _split(problem, y, step[0])
     first, *others = problem.flows

@@ -1,4 +1,6 @@
-"""Faulty ports: each claims to make the steps of the scheme that it imitates, its twin, and does not everywhere."""
+"""Faulty ports: each claims to make the steps of the scheme that it imitates, its twin,
+and does not everywhere.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ def _field(problem: Problem, y: Array) -> Array:
 
 
 def euler_heun(problem: Problem, y: Array, h: float, dW: Array, half: float = 0.5) -> Array:
-    """A step of Euler-Heun as a user would port it, with a coefficient that is ½ in the right scheme."""
+    """A step of Euler-Heun as a user would port it, with a coefficient that is ½ in the right
+    scheme.
+    """
     S, f = float(problem.c @ dW), _field(problem, y)
     return np.asarray(y + h * f + half * S * (f + _field(problem, y + h * f + S * f)))
 
@@ -42,7 +46,9 @@ def _for_short_steps(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def _from_step(first: int) -> StatefulStep:
-    """Euler-Heun, whose steps have another coefficient from the step with this number on, counted from 1."""
+    """Euler-Heun, whose steps have another coefficient from the step with this number on,
+    counted from 1.
+    """
 
     def step(problem: Problem, state: Any, h: float, dW: Array) -> Any:
         y, made = state

@@ -1,4 +1,6 @@
-"""Faults that show only for some step sizes h, noises or states, for varying B, or for H that is not quadratic."""
+"""Faults that show only for some step sizes h, noises or states, for varying B,
+or for H that is not quadratic.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,9 @@ def second_clipped_in_a_window(step: Step, problem: Problem, y: Array, h: float,
 
 
 def _euler(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Euler's step, whose rms error in one step is O(h), where a scheme of order 1 needs O(h^(3/2)), as in (3.9)."""
+    """Euler's step, whose rms error in one step is O(h),
+    where a scheme of order 1 needs O(h^(3/2)), as in (3.9).
+    """
     return np.asarray(y + problem.random_step(h, dW) * vector_field(problem, y))
 
 

@@ -1,4 +1,6 @@
-"""A case (a problem, a state and a step: the input of a law about single steps), and its forms as JSON and token."""
+"""A case (a problem, a state and a step: the input of a law about single steps),
+and its forms as JSON and token.
+"""
 
 from __future__ import annotations
 
@@ -46,14 +48,16 @@ class Case:
     Attributes
     ----------
     given : str
-        How the scheme gets the problem, as data or as functions: one of `sepv.problems.shown_to_schemes.GIVEN`.
+        How the scheme gets the problem, as data or as functions: one of
+        `sepv.problems.shown_to_schemes.GIVEN`.
     batch : int
         For laws about batches, the number of states stepped together; if 0, the law chooses it.
     times : int
-        For the law "contract", the number of times that the step is repeated; if 0, the law chooses it.
+        For the law "contract", the number of times that the step is repeated; if 0, the law chooses
+        it.
     after : int
-        The step is divided into `after` + 1 equal steps of a path, of which the law measures those in the middle
-        too.
+        The step is divided into `after` + 1 equal steps of a path, of which the law measures those
+        in the middle too.
     """
 
     problem: Description
@@ -66,7 +70,9 @@ class Case:
     after: int = 0
 
     def build(self) -> tuple[Problem, Array, float, Array]:
-        """The arguments (problem, y, h, dW) of ``step``; a scheme gets this problem in the form that `given` names."""
+        """The arguments (problem, y, h, dW) of ``step``;
+        a scheme gets this problem in the form that `given` names.
+        """
         problem = as_given(self.problem, self.given)
         return problem, np.array(self.y), self.h, np.array(self.dW, dtype=np.float64)
 
@@ -75,7 +81,9 @@ class Case:
         return f"Case({'; '.join(self.describe().splitlines())})"
 
     def _repr_pretty_(self, printer: Any, _cycle: bool) -> None:
-        """Print H, B, y, h and dW in Hypothesis and IPython too, which would print each field of a data class."""
+        """Print H, B, y, h and dW in Hypothesis and IPython too,
+        which would print each field of a data class.
+        """
         printer.text(repr(self))
 
     def describe(self) -> str:
@@ -111,7 +119,9 @@ def _with_coefficients(data: Description, c: tuple[float, ...]) -> Description:
 
 
 def quiet(case: Case) -> Case | None:
-    """The case without noise, c = (), whose h is the Δ of `case`; None if a noise has another field than B∇H."""
+    """The case without noise, c = (), whose h is the Δ of `case`;
+    None if a noise has another field than B∇H.
+    """
     if not case.dW:
         return case
     problem, _, h, dW = case.build()
@@ -193,13 +203,17 @@ def of_valid(data: dict[str, Any], objects: Iterable[Problem] = ()) -> Case:
 
 
 def has_words(witness: Any) -> bool:
-    """True if a command can name the problem of a witness; False if the problem was given as a Python object."""
+    """True if a command can name the problem of a witness;
+    False if the problem was given as a Python object.
+    """
     problem = witness.get("problem") if isinstance(witness, dict) else None
     return not (isinstance(problem, dict) and problem.get("given") == "")
 
 
 def require_named(witness: dict[str, Any], scheme: Scheme) -> None:
-    """Raise an error if a witness's problem loads code that the user did not name: anybody can write a witness."""
+    """Raise an error if a witness's problem loads code that the user did not name:
+    anybody can write a witness.
+    """
     problem = witness.get("problem")
     target = problem.get("given") if isinstance(problem, dict) else None
     named = [p if isinstance(p, str) else getattr(p, "text", "") for p in scheme.problems]
@@ -207,7 +221,9 @@ def require_named(witness: dict[str, Any], scheme: Scheme) -> None:
 
 
 def _given_problem(data: dict[str, Any], objects: Iterable[Problem]) -> GivenProblem:
-    """The problem that a stored case names: the one of this name in `objects` if there is one, else a loaded one."""
+    """The problem that a stored case names: the one of this name in `objects` if there is one,
+    else a loaded one.
+    """
     target = data["given"]
     own = [problem for problem in objects if not target and problem.name == data.get("object")]
     if ":" not in target and target not in problems.EXTENSIONS | problems.HAMILTONIANS and len(own) != 1:
@@ -233,7 +249,9 @@ def from_token(token: str) -> Case:
 
 
 def witness_of(token: str) -> dict[str, Any]:
-    """Decode a token to JSON and validate it as a witness; unlike `from_json` it imports nothing."""
+    """Decode a token to JSON and validate it as a witness; unlike `from_json` it imports
+    nothing.
+    """
     try:
         packed = base64.urlsafe_b64decode(token + "=" * (-len(token) % 4))
         data = parse_json(_unpacked(packed))
@@ -248,7 +266,9 @@ def witness_of(token: str) -> dict[str, Any]:
 
 
 def _unpacked(packed: bytes) -> bytes:
-    """Unpack the text of a token; ValueError beyond MOST_BYTES, because a few bytes can unpack to gigabytes."""
+    """Unpack the text of a token; ValueError beyond MOST_BYTES,
+    because a few bytes can unpack to gigabytes.
+    """
     unpacker = zlib.decompressobj()
     text = unpacker.decompress(packed, MOST_BYTES)
     if not unpacker.eof:

@@ -1,4 +1,6 @@
-"""Records of the classes of systems for which schemes are made, each with a space of test cases and named problems."""
+"""Records of the classes of systems for which schemes are made,
+each with a space of test cases and named problems.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from sepv.problem import Problem, Systems
 
 _SIZES = (strata.STATE, strata.DIMENSION, strata.DEGREE, strata.TERMS)
 _STEPS = (strata.SIZE, strata.STEP, strata.SIGN, strata.SHARE, strata.GIVEN, strata.BATCH)
-# Strata (ranges) in which a wrong quadrature, or B taken at a wrong place, does not show: most laws need other cases.
+# Strata (ranges) in which a wrong quadrature, or B taken at a wrong place, does not show: most laws
+# need other cases.
 _RIGHT = {"degree of H": ("1–2",), "degree of B": ("0",), "degree of C": ("1", "2")}
 
 
@@ -31,9 +34,11 @@ class SystemsClass:
     space : Space
         The space of random cases: a system of the class, a state and a step.
     named : names of problems
-        Built-in problems of the class; the random search also draws steps from states near their initial states.
+        Built-in problems of the class; the random search also draws steps from states near their
+        initial states.
     more : Random -> Case or None
-        Functions for the random search, which draw steps of systems that are in the class but not in the space.
+        Functions for the random search, which draw steps of systems that are in the class but not
+        in the space.
     fixed : () -> cases
         Cases that are measured with every seed.
     problems : names of problems, or functions that make one
@@ -48,7 +53,9 @@ class SystemsClass:
 
 
 def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
-    """A space with the properties `axes` and those of all classes; `left` restricts ranges: degree_of_H=("1–2",)."""
+    """A space with the properties `axes` and those of all classes; `left` restricts ranges:
+    degree_of_H=("1–2",).
+    """
     wanted = {name.replace("_", " "): names for name, names in left.items()}
     kept = [
         replace(a, strata=tuple(s for s in a.strata if s.name in wanted.get(a.name, (s.name,))))
@@ -59,8 +66,9 @@ def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
     return replace(whole, pool=whole.part(blind=_RIGHT))
 
 
-# Kinds of steps for several fields. Such systems have no Δ, so no noise cancels h. _OF_PATHS omits h = 0 with ΔW ≠ 0:
-# no path has such a step, and schemes for several fields use areas or other increments, whose size h determines.
+# Kinds of steps for several fields. Such systems have no Δ, so no noise cancels h. _OF_PATHS omits
+# h = 0 with ΔW ≠ 0: no path has such a step, and schemes for several fields use areas or other
+# increments, whose size h determines.
 _OF_PATHS = tuple(kind.name for kind in (strata.UNEVEN, strata.NEAR, *strata.EXTREME_SIZES, *strata.ONE_SIGN))
 _OF_STRUCTURES = (strata.STILL.name, *_OF_PATHS)
 _NOISY = ("1", "2", "3–4", "5–20")

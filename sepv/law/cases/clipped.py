@@ -1,4 +1,6 @@
-"""Cases for a scheme that clips its increments itself: no increment exceeds √h A_h, A_h = √(2k|ln h|) (Remark 2.1)."""
+"""Cases for a scheme that clips its increments itself: no increment exceeds √h A_h,
+A_h = √(2k|ln h|) (Remark 2.1).
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import Scheme, ask
 from sepv.simulate import truncation_bound
 
-# A probe's h, relative to ΔW²: its increments are 10⁶ √h, beyond √h A_h for every k that a scheme could state.
+# A probe's h, relative to ΔW²: its increments are 10⁶ √h, beyond √h A_h for every k that a scheme
+# could state.
 PROBE_STEP_RATIO = 2.0**-40
 # The number of cases that are probed for a response.
 PROBES = 3
@@ -28,7 +31,8 @@ _CLIPPING: WeakKeyDictionary[Scheme, bool] = WeakKeyDictionary()
 def longest_increment(problem: Problem, h: float, k: int) -> float:
     """The bound √h A_h of |ΔW_j|, or 0 if |h| is not between 0 and 1, where Remark 2.1 has no rule.
 
-    A problem given by functions has a unit of time τ, and a scheme may use h or h/τ: then it is the lesser bound.
+    A problem given by functions has a unit of time τ, and a scheme may use h or h/τ: then it is the
+    lesser bound.
     """
     sizes = [abs(h)] if problem.data is not None else [abs(h), abs(h) / units_of(problem).time]
     if not all(0 < size < 1 for size in sizes):
@@ -43,10 +47,12 @@ def fits(problem: Problem, h: float, dW: Array, k: int) -> bool:
 
 
 def within(case: Case, k: int) -> Case | None:
-    """The case with increments up to √h A_h, or None if h = 0, or if |h| ≥ 1 for a problem that is not data.
+    """The case with increments up to √h A_h, or None if h = 0,
+    or if |h| ≥ 1 for a problem that is not data.
 
-    Of data the unit of time becomes larger until |h| ≤ ½. Then c_j 2ⁿ and ΔW_j 2⁻ⁿ replace c_j and ΔW_j, so that every
-    c_jΔW_j keeps its bits. Other problems keep their c_j, and ΔW_j 2⁻ⁿ alone makes the step shorter.
+    Of data the unit of time becomes larger until |h| ≤ ½. Then c_j 2ⁿ and ΔW_j 2⁻ⁿ replace c_j and
+    ΔW_j, so that every c_jΔW_j keeps its bits. Other problems keep their c_j, and ΔW_j 2⁻ⁿ alone
+    makes the step shorter.
     """
     problem, _, h, dW = case.build()
     if fits(problem, h, dW, k):
@@ -68,9 +74,11 @@ def within(case: Case, k: int) -> Case | None:
 
 
 def clips(scheme: Scheme, cases: Iterable[Case] = ()) -> bool:
-    """True if the scheme clips increments itself: ΔW and ΔW/2 give the same y1 ≠ y if both are far beyond √h A_h.
+    """True if the scheme clips increments itself: ΔW and ΔW/2 give the same y1 ≠ y if both are far
+    beyond √h A_h.
 
-    Up to PROBES cases are tried until one has y1 ≠ y. The answer is kept for later calls without cases.
+    Up to PROBES cases are tried until one has y1 ≠ y. The answer is kept for later calls without
+    cases.
     """
     if scheme.truncation is None or scheme in _CLIPPING:
         return _CLIPPING.get(scheme, False)

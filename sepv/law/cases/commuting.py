@@ -1,4 +1,6 @@
-"""Steps of systems with several Hamiltonians that all commute with H_0, from states that are not critical points."""
+"""Steps of systems with several Hamiltonians that all commute with H_0,
+from states that are not critical points.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +18,12 @@ from sepv.record import Polynomial, poly
 
 
 def commuting_step(random: Random) -> Case | None:
-    """A step whose Hamiltonians are polynomials in the actions ½(q² + p²) of one or two planes; None if ∇H_0 is small.
+    """A step whose Hamiltonians are polynomials in the actions ½(q² + p²) of one or two planes;
+    None if ∇H_0 is small.
 
-    The field of each noise is written G_j∇H_0, and G_j is singular where ∇H_0 = 0. No majorant bounds G_j near such a
-    point. So the step's length is measured: it is a sixteenth of the length that the slopes of the fields at y allow.
+    The field of each noise is written G_j∇H_0, and G_j is singular where ∇H_0 = 0. No majorant
+    bounds G_j near such a point. So the step's length is measured: it is a sixteenth of the length
+    that the slopes of the fields at y allow.
     """
     n, m = random.randint(1, 2), random.randint(1, 2)
     H = poly.add(poly.linear((1.0,) * n), of_actions(n, random))
@@ -41,7 +45,9 @@ def of_actions(n: int, random: Random) -> Polynomial:
 
 
 def _steepest(problem: Problem, y: Array) -> float:
-    """The largest component at y of the fields B∇H and c_j G_j∇H and of their difference quotients."""
+    """The largest component at y of the fields B∇H and c_j G_j∇H and of their difference
+    quotients.
+    """
     assert isinstance(problem, StructuresProblem)
     worst = 0.0
     for c, G in zip((1.0, *problem.c), (problem.structure, *problem.noise_structures), strict=True):

@@ -1,9 +1,10 @@
-"""Pairwise covering designs for test inputs, whose properties (factors) each have a few values (levels).
+"""Pairwise covering designs for test inputs, whose properties (factors)
+each have a few values (levels).
 
-A row has one level of each factor. A design is a short list of rows in which every possible pair of levels
-occurs. It shows each fault that depends on the levels of at most two factors. The construction is greedy,
-with constraints, like that of Cohen, Dalal, Fredman and Patton (IEEE Trans. Softw. Eng. 23, 1997). The
-smallest of several designs is kept.
+A row has one level of each factor. A design is a short list of rows in which every possible pair of
+levels occurs. It shows each fault that depends on the levels of at most two factors. The
+construction is greedy, with constraints, like that of Cohen, Dalal, Fredman and Patton (IEEE Trans.
+Softw. Eng. 23, 1997). The smallest of several designs is kept.
 """
 
 from __future__ import annotations
@@ -19,14 +20,16 @@ Level = tuple[int, int]  # a factor and its level
 Pair = tuple[Level, Level]
 # The number of ways in which ties are broken.
 ATTEMPTS = 4
-# An offered row is taken only if it covers at least this many new pairs; otherwise a newly made row covers
-# more.
+# An offered row is taken only if it covers at least this many new pairs; otherwise a newly made row
+# covers more.
 LEAST_NEW_PAIRS = 4
 
 
 @dataclass(frozen=True)
 class Design:
-    """A design: rows with one level (value) of each factor (property), and the pairs of levels that no row can have."""
+    """A design: rows with one level (value) of each factor (property),
+    and the pairs of levels that no row can have.
+    """
 
     rows: tuple[Row, ...]
     impossible: frozenset[Pair]
@@ -40,10 +43,11 @@ def pairwise(
 ) -> Design:
     """Find few rows in which all possible pairs of levels occur; factor f has levels[f] levels.
 
-    `allowed` tests a partial row, with None for each level not chosen yet. If it refuses a row, it must
-    refuse every completion of this row. A level in `hiding` may hide faults of other factors: in a row with
-    such a level, pairs without this level count as not covered, unless no other row can have them. The rows
-    `offered`, which must be allowed, cost less than new rows, so those that cover many pairs are taken first.
+    `allowed` tests a partial row, with None for each level not chosen yet. If it refuses a row, it
+    must refuse every completion of this row. A level in `hiding` may hide faults of other factors:
+    in a row with such a level, pairs without this level count as not covered, unless no other row
+    can have them. The rows `offered`, which must be allowed, cost less than new rows, so those that
+    cover many pairs are taken first.
     """
     taken = _Greedy(levels, allowed, hiding, 0).taken(offered)
     designs = [_Greedy(levels, allowed, hiding, shift).design(taken) for shift in range(ATTEMPTS)]
@@ -51,7 +55,9 @@ def pairwise(
 
 
 def shown_pairs(row: Row, hiding: frozenset[tuple[int, int]] = frozenset()) -> list[Pair]:
-    """The pairs of levels that a row covers: all, or if the row has levels in `hiding`, the pairs with all of these."""
+    """The pairs of levels that a row covers: all, or if the row has levels in `hiding`,
+    the pairs with all of these.
+    """
     hidden = {level for level in enumerate(row) if level in hiding}
     return [pair for pair in combinations(enumerate(row), 2) if hidden <= set(pair)]
 
@@ -90,7 +96,9 @@ class _Greedy:
         return Design(tuple(rows), frozenset(impossible))
 
     def taken(self, offered: Sequence[Row]) -> list[Row]:
-        """Choose rows of `offered`, each time the row with the most new pairs, while one has LEAST_NEW_PAIRS."""
+        """Choose rows of `offered`, each time the row with the most new pairs,
+        while one has LEAST_NEW_PAIRS.
+        """
         rows: list[Row] = []
         known = {row: self._partners(row) for row in offered}
         while known:
@@ -102,7 +110,9 @@ class _Greedy:
         return rows
 
     def _partners(self, row: Row) -> list[tuple[int, int, int]]:
-        """For each level of a row: (factor, level, bits of the levels with which it forms a pair of `shown_pairs`)."""
+        """For each level of a row: (factor, level, bits of the levels with which it forms a pair of
+        `shown_pairs`).
+        """
         levels = list(enumerate(row))
         everyone = sum(1 << self._number(level) for level in levels)
         hidden = [level for level in levels if level in self.hiding]
@@ -114,7 +124,9 @@ class _Greedy:
         return found
 
     def _gain(self, partners: list[tuple[int, int, int]]) -> int:
-        """The number of new pairs of levels that a row covers; `partners`, from `_partners`, has each pair twice."""
+        """The number of new pairs of levels that a row covers; `partners`, from `_partners`,
+        has each pair twice.
+        """
         return sum([(self.open[f][k] & met).bit_count() for f, k, met in partners]) // 2
 
     def _number(self, level: tuple[int, int]) -> int:
@@ -129,7 +141,9 @@ class _Greedy:
             self.open[f][k] &= ~met
 
     def _row(self, goal: Pair) -> Row | None:
-        """A row with the pair `goal` and, chosen greedily, many pairs not covered yet; None if `goal` is impossible."""
+        """A row with the pair `goal` and, chosen greedily, many pairs not covered yet;
+        None if `goal` is impossible.
+        """
         # Fixing factors with one level first rules combinations out at once instead of by search.
         row: Partial = [0 if size == 1 else None for size in self.levels]
         for factor, level in goal:
@@ -140,7 +154,9 @@ class _Greedy:
         return self._fill(list(row), chosen, goal) or self._fill(row, chosen, goal, hidden=True)
 
     def _open_everywhere(self, row: Partial) -> bool:
-        """True if each factor whose level is still None has a level that is allowed beside the chosen levels."""
+        """True if each factor whose level is still None has a level that is allowed beside the
+        chosen levels.
+        """
         for factor, value in enumerate(row):
             if value is None:
                 levels = range(self.levels[factor])

@@ -1,6 +1,8 @@
-"""States and steps of extreme size, made from a case of usual size by a change of the units of y and of time.
+"""States and steps of extreme size, made from a case of usual size by a change of the units of y
+and of time.
 
-A scheme gives the same digits in all units, unless it contains a number that has a unit, such as an absolute tolerance.
+A scheme gives the same digits in all units, unless it contains a number that has a unit, such as an
+absolute tolerance.
 """
 
 from __future__ import annotations
@@ -14,11 +16,12 @@ from sepv.law.cases.strata import EXTREME_SIZES, SIZE, STEP, Levels, Stratum
 from sepv.problem import PolynomialSystem, Structure, scaled_damping
 from sepv.record import Polynomial, poly
 
-# The largest |exponent of 2| of coefficients and of powers of y. So none of them overflows, and an underflow, whose
-# error is 2⁻¹⁰⁷⁴, changes even the smallest of them by a relative error below 2⁻⁵³.
+# The largest |exponent of 2| of coefficients and of powers of y. So none of them overflows, and an
+# underflow, whose error is 2⁻¹⁰⁷⁴, changes even the smallest of them by a relative error below
+# 2⁻⁵³.
 EXPONENTS = 960
-# Sizes |y| that every scheme must take, and the largest exponent of 2 of other sizes: |y| = 1e±100, whose squares
-# neither overflow nor lose digits.
+# Sizes |y| that every scheme must take, and the largest exponent of 2 of other sizes: |y| = 1e±100,
+# whose squares neither overflow nor lose digits.
 USUAL, LARGEST = (2.0**-21, 2.0**21), 333
 
 # A scheme may refuse a step whose |h| + Σ|c_j ΔW_j| is larger than this.
@@ -37,12 +40,16 @@ def beyond(case: Case) -> bool:
 
 
 def is_long(case: Case) -> bool:
-    """True if |h| + Σ|c_j ΔW_j| is so large that a scheme may refuse the step, although it is usual in other units."""
+    """True if |h| + Σ|c_j ΔW_j| is so large that a scheme may refuse the step,
+    although it is usual in other units.
+    """
     return isinstance(case.problem, PolynomialSystem) and _length(case) > LONGEST_STEP
 
 
 def usual(levels: Levels) -> Levels:
-    """Replace extreme ranges of |y| and |Δ| by usual ones. A case is drawn in these, then rescaled by `at_the_end`."""
+    """Replace extreme ranges of |y| and |Δ| by usual ones. A case is drawn in these,
+    then rescaled by `at_the_end`.
+    """
     ranges = {a.name: {s.name: s._replace(end=0.0) for s in a.strata} for a in (SIZE, STEP)}
     found = {
         a: ranges[a].get(s.name, s) if a in ranges else s for a, s in levels.items() if s not in EXTREME_SIZES
@@ -52,7 +59,9 @@ def usual(levels: Levels) -> Levels:
 
 
 def at_the_end(case: Case, levels: Levels) -> Case:
-    """Rescale the units of a case drawn in usual ranges, so that |y| and |Δ| come into the ranges in `levels`."""
+    """Rescale the units of a case drawn in usual ranges,
+    so that |y| and |Δ| come into the ranges in `levels`.
+    """
     size = next((s for s in levels.values() if s in EXTREME_SIZES), levels[SIZE.name])
     length = levels[STEP.name]
     ordinary = usual(levels)
@@ -61,7 +70,9 @@ def at_the_end(case: Case, levels: Levels) -> Case:
 
 
 def _power(wanted: Stratum, ordinary: Stratum, value: float) -> int:
-    """The n for which 2ⁿ times `value` has the `wanted` size; 0 if this size is in the `ordinary` range."""
+    """The n for which 2ⁿ times `value` has the `wanted` size;
+    0 if this size is in the `ordinary` range.
+    """
     unchanged = ordinary.low <= wanted.low <= ordinary.high or not value
     return 0 if unchanged else round(math.log2(wanted.low / value))
 
@@ -72,15 +83,17 @@ def _length(case: Case) -> float:
 
 
 def in_other_units(case: Case, power: int, time: int = 0) -> Case:
-    """Convert a case to other units: y is multiplied by 2ⁿ and time by 4ᵏ, so that the step leads to 2ⁿy1.
+    """Convert a case to other units: y is multiplied by 2ⁿ and time by 4ᵏ,
+    so that the step leads to 2ⁿy1.
 
-    Here k = `time`, and n is `power`, or a number nearer to 0 if numbers would otherwise overflow. H becomes
-    4⁻ᵏ2ʷⁿH(2⁻ⁿy) and B becomes 2²ⁿ⁻ʷⁿB(2⁻ⁿy) with w of `_weight`. The noise vectors become 2ⁿ4⁻ᵏg_j, the damping 4⁻ᵏγ
-    and the step 4ᵏh; c_j and ΔW_j are multiplied by 2ᵏ.
+    Here k = `time`, and n is `power`, or a number nearer to 0 if numbers would otherwise overflow.
+    H becomes 4⁻ᵏ2ʷⁿH(2⁻ⁿy) and B becomes 2²ⁿ⁻ʷⁿB(2⁻ⁿy) with w of `_weight`. The noise vectors
+    become 2ⁿ4⁻ᵏg_j, the damping 4⁻ᵏγ and the step 4ᵏh; c_j and ΔW_j are multiplied by 2ᵏ.
     """
     system = case.problem
     assert isinstance(system, PolynomialSystem)
-    # The brackets {H, H_j} are sums of products of three coefficients, so that three exponents add up.
+    # The brackets {H, H_j} are sums of products of three coefficients, so that three exponents add
+    # up.
     most = (EXPONENTS / 3 if system.noise_hamiltonians else EXPONENTS) - 2 * abs(time)
     while power and any(abs(e) > most for e in _exponents(case, system, power)):
         power = int(power / 1.25)
@@ -102,13 +115,17 @@ def in_other_units(case: Case, power: int, time: int = 0) -> Case:
 
 
 def _scaled(p: Polynomial, weight: int, power: int, time: int = 0) -> Polynomial:
-    """The polynomial 4⁻ᵏ 2^(n·weight) p(2⁻ⁿy) with n = `power` and k = `time`: p after a change of units."""
+    """The polynomial 4⁻ᵏ 2^(n·weight) p(2⁻ⁿy) with n = `power` and k = `time`:
+    p after a change of units.
+    """
     terms = [(e, math.ldexp(c, power * (weight - sum(e)) - 2 * time)) for e, c in p.terms]
     return poly.polynomial(p.dimension, terms)
 
 
 def _weight(system: PolynomialSystem) -> int:
-    """The exponent w of `in_other_units`: 1 for linear B, else 2, so that Lie-Poisson and canonical systems keep B."""
+    """The exponent w of `in_other_units`: 1 for linear B, else 2,
+    so that Lie-Poisson and canonical systems keep B.
+    """
     entries = [p for B in (system.structure, *system.noise_structures) for _, _, p in B]
     linear = system.nambu is None and all(sum(e) == 1 for p in entries for e, _ in p.terms)
     return 1 if linear else 2
@@ -119,7 +136,9 @@ def _of(B: Structure, weight: int, power: int) -> Structure:
 
 
 def _exponents(case: Case, system: PolynomialSystem, power: int) -> Iterator[float]:
-    """Exponents of 2 of coefficients and of powers of y in new units; if |y| leaves its range, one is > EXPONENTS."""
+    """Exponents of 2 of coefficients and of powers of y in new units; if |y| leaves its range,
+    one is > EXPONENTS.
+    """
     sizes = [abs(v) for v in case.y if v]
     ends = [math.log2(v) + power for v in (max(sizes), min(sizes))] if sizes else []
     yield from (EXPONENTS + 1 for end in ends[:1] if abs(end) > LARGEST)

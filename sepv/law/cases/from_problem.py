@@ -1,7 +1,8 @@
-"""Cases of one problem: a state near its initial state, inside its domain, and a step inside the contraction radius.
+"""Cases of one problem: a state near its initial state, inside its domain,
+and a step inside the contraction radius.
 
-For a problem given by functions, this radius is measured (`measured_radius`). `sepv.law.units` chooses the
-problem's unit of time.
+For a problem given by functions, this radius is measured (`measured_radius`). `sepv.law.units`
+chooses the problem's unit of time.
 """
 
 from __future__ import annotations
@@ -36,12 +37,13 @@ EXACT_NAMES = frozenset(named.PAPER)
 # Strategies are made once: Hypothesis validates each new one, which costs as much as its draws.
 _SIGNS = st.sampled_from([1.0, -1.0])
 _PERTURBED, _AWAY = st.floats(0.5, 1.5), st.sampled_from([0.0, 0.1, 0.3])
-# The distance of a state from the initial one as a share of the usual distance. A scheme that has the level of the
-# initial state built in may correct only states near to this level.
+# The distance of a state from the initial one as a share of the usual distance. A scheme that has
+# the level of the initial state built in may correct only states near to this level.
 _NEAR_START = st.sampled_from([1.0, 1.0, 2.0**-7, 2.0**-14, 2.0**-21])
 # A quarter of the steps is short, because a scheme may be wrong for short steps alone.
 _LENGTHS = st.sampled_from([1.0, 1.0, 1.0, 2.0**-10])
-# Half of all factors of h and of ΔW_j are 1, because a quadrature error grows like a high power of the step's length.
+# Half of all factors of h and of ΔW_j are 1, because a quadrature error grows like a high power of
+# the step's length.
 _PARTS = st.one_of(st.just(1.0), st.floats(0, 1 - 2.0**-10).map(lambda x: 1 - x))
 _SHARES = st.sampled_from([1.0, 0.5, 0.25, 2.0**-6])
 # Components below 1e-6 become zero: states of extreme size have their own cases.
@@ -51,7 +53,9 @@ _COMPONENTS = st.one_of(
 
 
 def describe(problem: Problem, text: str = "") -> Description:
-    """The problem's data if they agree with its functions and can be evaluated to many digits; else the problem."""
+    """The problem's data if they agree with its functions and can be evaluated to many digits;
+    else the problem.
+    """
     data = problem.data
     known = isinstance(data, PolynomialSystem) or (data is not None and data.name in EXACT_NAMES)
     # Data contain no flows of parts of H and H_j, so a problem built from data would lack flows.
@@ -61,7 +65,9 @@ def describe(problem: Problem, text: str = "") -> Description:
 
 
 def _agrees(problem: Problem, data: PolynomialSystem | NamedProblem) -> bool:
-    """True if data describe the problem's functions, one of which `dataclasses.replace` may have exchanged."""
+    """True if data describe the problem's functions, one of which `dataclasses.replace` may have
+    exchanged.
+    """
     other = named.build(data)
     if other.dimension != problem.dimension or not np.array_equal(other.c, problem.c):
         return False
@@ -74,7 +80,9 @@ def _agrees(problem: Problem, data: PolynomialSystem | NamedProblem) -> bool:
 
 
 def of_case(value: Any) -> st.SearchStrategy[Case]:
-    """Turn a value of a user's strategy into cases: a `Case` stays; a problem gives steps near its initial state."""
+    """Turn a value of a user's strategy into cases: a `Case` stays;
+    a problem gives steps near its initial state.
+    """
     if isinstance(value, Case):
         return st.just(value)
     if isinstance(value, Problem):
@@ -92,8 +100,9 @@ def of_case(value: Any) -> st.SearchStrategy[Case]:
 def near(draw: st.DrawFn, description: Description) -> Case:
     """A state near the problem's initial state, inside its domain, and a step from it.
 
-    If the problem has no initial state, the components of y lie between −2 and 2. The step is no longer than the
-    contraction radius, which is derived from majorants for polynomial data and measured for functions.
+    If the problem has no initial state, the components of y lie between −2 and 2. The step is no
+    longer than the contraction radius, which is derived from majorants for polynomial data and
+    measured for functions.
     """
     problem = named.build(description)
     y = _state(draw, problem)
@@ -114,7 +123,9 @@ def near(draw: st.DrawFn, description: Description) -> Case:
 
 @st.composite
 def steps_within(draw: st.DrawFn, data: Description, y: tuple[float, ...], radius: float) -> Case:
-    """Draw a step from y with |h| + Σ|c_j ΔW_j| ≤ radius; |h| and each |c_j ΔW_j| get at most an equal share."""
+    """Draw a step from y with |h| + Σ|c_j ΔW_j| ≤ radius;
+    |h| and each |c_j ΔW_j| get at most an equal share.
+    """
     c = named.build(data).c
     length = radius * draw(_LENGTHS)
     share = length / (1 + np.count_nonzero(c))
@@ -124,7 +135,9 @@ def steps_within(draw: st.DrawFn, data: Description, y: tuple[float, ...], radiu
 
 
 def start_of(description: Description) -> Case:
-    """A short step of a problem from its first sample state, to test if a law applies to the problem."""
+    """A short step of a problem from its first sample state,
+    to test if a law applies to the problem.
+    """
     problem = named.build(description)
     y = tuple(float(v) for v in next(iter(sample_states(problem))))
     return Case(description, y, 2.0**-6, (2.0**-6,) * problem.noises)
@@ -149,16 +162,19 @@ def _inside(problem: Problem, y: Array) -> bool:
     return problem.domain is None or bool(np.all(problem.domain(y)))
 
 
-# Balls about y with radii from (1 + |y|)2⁻¹ to (1 + |y|)2⁻⁵ are sampled; in a narrow domain smaller balls as well.
+# Balls about y with radii from (1 + |y|)2⁻¹ to (1 + |y|)2⁻⁵ are sampled; in a narrow domain smaller
+# balls as well.
 USUAL, NARROWEST = 5, 20
 
 
 def measured_radius(problem: Problem, y: Array) -> float:
-    """Half of an estimated contraction radius, from maxima of B, ∇H and their derivatives at some states around y.
+    """Half of an estimated contraction radius, from maxima of B,
+    ∇H and their derivatives at some states around y.
 
-    `sepv.law.contraction.contraction_radius` uses bounds instead of maxima. Maxima at some states are no
-    bounds, because values may be larger elsewhere; the factor ½ is a heuristic allowance. If a scheme refuses a step
-    inside this radius, the radius may be too large, so the step is reported as not solved and not as a violation.
+    `sepv.law.contraction.contraction_radius` uses bounds instead of maxima. Maxima at some states
+    are no bounds, because values may be larger elsewhere; the factor ½ is a heuristic allowance. If
+    a scheme refuses a step inside this radius, the radius may be too large, so the step is reported
+    as not solved and not as a violation.
     """
     rng = np.random.default_rng(0)
     d = problem.dimension
@@ -183,7 +199,9 @@ def measured_radius(problem: Problem, y: Array) -> float:
 
 
 def sizes_at(problem: Problem, y: Array) -> tuple[Array, Array, Array, Array]:
-    """|B|, |∇H|, |∂B/∂y| and |∂²H/∂y²| at y; the last two by differences if the problem does not give them."""
+    """|B|, |∇H|, |∂B/∂y| and |∂²H/∂y²| at y; the last two by differences if the problem does not
+    give them.
+    """
     with np.errstate(all="ignore"):
         dB = slopes(problem.structure, problem.structure_derivative, y)
         H = slopes(problem.gradient, problem.hessian, y)

@@ -1,4 +1,6 @@
-"""The cases of a law, described once for every class of systems and for users' problems (`Cases`)."""
+"""The cases of a law, described once for every class of systems and for users' problems
+(`Cases`).
+"""
 
 from __future__ import annotations
 
@@ -50,12 +52,16 @@ def is_damped(case: Case) -> bool:
 
 
 def unchanged(case: Case) -> Case:
-    """Return the case unchanged; the default of `Cases.adapt`, for a law that applies to every case."""
+    """Return the case unchanged; the default of `Cases.adapt`,
+    for a law that applies to every case.
+    """
     return case
 
 
 def only(holds: Callable[[Problem], object], *, data: bool = False) -> Adapt:
-    """A filter that keeps a case if `holds` is true of its problem; `data` also requires a problem stored as data."""
+    """A filter that keeps a case if `holds` is true of its problem;
+    `data` also requires a problem stored as data.
+    """
 
     def adapt(case: Case) -> Case | None:
         lacks = data and isinstance(case.problem, GivenProblem)
@@ -66,43 +72,53 @@ def only(holds: Callable[[Problem], object], *, data: bool = False) -> Adapt:
 
 @dataclass(frozen=True)
 class Question:
-    """A law's cases for one scheme: a list that covers all ranges of properties, a random search, and fixed cases."""
+    """A law's cases for one scheme: a list that covers all ranges of properties, a random search,
+    and fixed cases.
+    """
 
     design: Callable[[int], list[Case]]  # the cases of the design for a seed
     strategy: Strategy
     admits: Callable[[Case], bool]  # True for cases to which a counterexample may be simplified
     fixed: tuple[Case, ...] = ()
-    # True for cases to which a change of units alone may lead: a family has its systems in all units.
+    # True for cases to which a change of units alone may lead: a family has its systems in all
+    # units.
     in_units: Callable[[Case], bool] = lambda _: False
 
 
 @dataclass(frozen=True)
 class Cases:
-    """The test cases of a law, for a scheme of any class of systems: by default all cases of the class.
+    """The test cases of a law, for a scheme of any class of systems:
+    by default all cases of the class.
 
     Attributes
     ----------
     adapt : case -> case or None
-        Changes a case so that the law applies, or returns None if that is impossible. A second call changes nothing.
+        Changes a case so that the law applies, or returns None if that is impossible. A second call
+        changes nothing.
     why : str
         The reason to report if `adapt` returns None for all of a user's problems.
     where : axis -> strata
         For some properties of cases (axes), the values or ranges to which the law
         applies. Classes without such a property are not restricted.
     blind : axis -> strata
-        Ranges in which no violation can show. Pairs of other ranges must occur in cases outside these ranges.
+        Ranges in which no violation can show. Pairs of other ranges must occur in cases outside
+        these ranges.
     not_of : class of systems -> str
-        The reason why the law does not apply to a class. By default additive noise has that of several Hamiltonians.
+        The reason why the law does not apply to a class. By default additive noise has that of
+        several Hamiltonians.
     damped : bool
         True if the law applies to damped systems too.
     stays : bool
-        True if the law makes steps of the case's problem alone. If False, users' problems are not measured.
+        True if the law makes steps of the case's problem alone. If False, users' problems are not
+        measured.
     instead : class -> class, or () -> strategy
-        For schemes for a class, the source of cases that replaces the class: a narrower class, or a strategy.
+        For schemes for a class, the source of cases that replaces the class: a narrower class, or a
+        strategy.
     fixed : class -> (() -> cases)
         Cases that are measured with every seed, in addition to the fixed cases of the class.
     made : class -> (count, Random -> case)
-        The number of cases that replace the design, and a function that makes them and the cases of the random search.
+        The number of cases that replace the design, and a function that makes them and the cases of
+        the random search.
     """
 
     adapt: Adapt = unchanged
@@ -128,14 +144,18 @@ class Cases:
                 require_one_of(f"a stratum of {name}", stratum, known[name], "see `sepv verify --coverage`")
 
     def space(self, systems: Systems) -> Space | None:
-        """The space of the cases that the law measures for a class; None if they do not come from a space."""
+        """The space of the cases that the law measures for a class;
+        None if they do not come from a space.
+        """
         if self.not_of.get(systems) or systems in self.made:
             return None
         source = self.instead.get(systems, systems)
         return CLASSES[source].space.part(self.where, self.blind) if isinstance(source, Systems) else None
 
     def adapted(self, case: Case) -> Case | None:
-        """Change a case so that the law applies (`adapt`); None if it does not apply to the case or its class."""
+        """Change a case so that the law applies (`adapt`);
+        None if it does not apply to the case or its class.
+        """
         if self.not_of and self.not_of.get(class_of(case.problem)):
             return None
         if not self.damped and is_damped(case):
@@ -143,7 +163,9 @@ class Cases:
         return self.adapt(case)
 
     def without_noise(self) -> Cases | str:
-        """The cases for a scheme without noise, each with h = Δ of the noisy case; or the reason why there are none."""
+        """The cases for a scheme without noise, each with h = Δ of the noisy case;
+        or the reason why there are none.
+        """
         if "0" not in self.where.get(strata.NOISES.name, ("0",)):
             return NO_NOISE
         return replace(self, adapt=partial(_adapted_quietly, self.adapt))
@@ -153,7 +175,9 @@ class Cases:
         return replace(self, adapt=partial(_adapted_and_rounded, self.adapt))
 
     def within_clip(self, k: int) -> Cases:
-        """The cases with increments up to √h A_h, for a scheme that clips at this bound, or beyond it, itself."""
+        """The cases with increments up to √h A_h, for a scheme that clips at this bound,
+        or beyond it, itself.
+        """
         return replace(self, adapt=partial(_adapted_within, self.adapt, k))
 
     def admits(self, case: Case) -> bool:
@@ -161,7 +185,9 @@ class Cases:
         return self.adapted(case) == case
 
     def of_class(self, systems: Systems) -> Question | str:
-        """The cases for a scheme that accepts all systems of a class, or the reason why there are none."""
+        """The cases for a scheme that accepts all systems of a class,
+        or the reason why there are none.
+        """
         if why := self.not_of.get(systems):
             return why
         if systems in OF_DAMPED and not self.damped:
@@ -195,7 +221,9 @@ class Cases:
         )
 
     def of_problems(self, items: Sequence[Item]) -> Question | str:
-        """The cases of the problems given with a scheme, or the reason why the law does not apply to them."""
+        """The cases of the problems given with a scheme,
+        or the reason why the law does not apply to them.
+        """
         if not self.stays:
             return "the law leads out of the problems that the scheme is for"
         everything = self.adapt is unchanged and not self.not_of
@@ -219,7 +247,9 @@ class Cases:
         )
 
     def all_adapted(self, cases: Iterable[Case]) -> list[Case]:
-        """Change cases so that the law applies to them (`adapt`), and leave out those to which it cannot apply."""
+        """Change cases so that the law applies to them (`adapt`),
+        and leave out those to which it cannot apply.
+        """
         return [adapted for case in cases if (adapted := self.adapted(case)) is not None]
 
     def _adapting(self, drawn: Strategy) -> Strategy:
@@ -249,7 +279,9 @@ ALL_CASES = Cases(damped=True)
 
 
 def class_of(description: Description | Problem) -> Systems:
-    """The class of a problem. With one B, one H and no damping it is the whole class (1.1), never a narrower one."""
+    """The class of a problem. With one B, one H and no damping it is the whole class (1.1),
+    never a narrower one.
+    """
     problem = description if isinstance(description, Problem) else named.build(description)
     if isinstance(problem, HamiltoniansProblem):
         if problem.damping:

@@ -1,7 +1,9 @@
-"""Random cases (a system, a state and a step inside the contraction radius) with sizes inside given ranges (strata).
+"""Random cases (a system, a state and a step inside the contraction radius)
+with sizes inside given ranges (strata).
 
 The parts of a system come from `sepv.law.cases.random_parts`. The contraction radius is inversely
-proportional to H, so H is multiplied by a power of two that makes the radius fit a step of the wanted |Δ|.
+proportional to H, so H is multiplied by a power of two that makes the radius fit a step of the
+wanted |Δ|.
 """
 
 from __future__ import annotations
@@ -42,23 +44,28 @@ from sepv.problem import (
 )
 from sepv.record import Polynomial, poly
 
-# After this many draws a rest point may be the origin, because the monomials may be too few for another rest point.
+# After this many draws a rest point may be the origin, because the monomials may be too few for
+# another rest point.
 ATTEMPTS = 30
-# The smallest B∇H in a design, relative to the sum of its terms' absolute values; a random search allows smaller B∇H.
+# The smallest B∇H in a design, relative to the sum of its terms' absolute values; a random search
+# allows smaller B∇H.
 GENERIC = 1 / 64
 # After this many draws a case is accepted although some fault would not show in it.
 TRIES = 24
-# For a step from y = 0, Δ as a share of the radius inside which y1(Δ) is analytic. The share balances the terms that
-# the law "expansion" omits against rounding.
+# For a step from y = 0, Δ as a share of the radius inside which y1(Δ) is analytic. The share
+# balances the terms that the law "expansion" omits against rounding.
 ORIGIN_SHARE = 2.0**-9
-# Near a rest point some components are multiplied by ½ to a power in this range; the motion still exceeds rounding.
+# Near a rest point some components are multiplied by ½ to a power in this range; the motion still
+# exceeds rounding.
 NEARNESS = (8, 30)
-# In steps with uneven noises the |c_jΔW_j| are scaled by powers of ten with exponents from −UNEVENNESS to UNEVENNESS.
+# In steps with uneven noises the |c_jΔW_j| are scaled by powers of ten with exponents from
+# −UNEVENNESS to UNEVENNESS.
 UNEVENNESS = 4.0
 
 
 class Parts:
-    """Random d, degrees and state y inside the strata `levels`, and the H, B and c of a system drawn to fit them.
+    """Random d, degrees and state y inside the strata `levels`, and the H,
+    B and c of a system drawn to fit them.
 
     Attributes
     ----------
@@ -86,7 +93,9 @@ class Parts:
             self.y, self.unit = (0.0,) * self.d, 1.0
 
     def hamiltonian(self) -> Polynomial:
-        """Draw H. If ∇H must (nearly) vanish, each term has degree ≥ 2 in components of y that become zero or small."""
+        """Draw H. If ∇H must (nearly) vanish, each term has degree ≥ 2 in components of y that
+        become zero or small.
+        """
         d, n, random = self.d, self.degree, self.random
         if self.at_rest:
             self.zero, kept = some.rest_monomials(d, n, self.terms, random)
@@ -99,7 +108,9 @@ class Parts:
         return some.with_constant(H, self.y, random) if random.random() < some.SPECIAL_PART_PROBABILITY else H
 
     def further(self) -> Polynomial:
-        """Draw the H_j of a noise, with at most H's degree and number of terms. If ∇H is made to vanish, so is ∇H_j."""
+        """Draw the H_j of a noise, with at most H's degree and number of terms.
+        If ∇H is made to vanish, so is ∇H_j.
+        """
         low = 2 if self.at_rest else 1
         n = self.random.randint(low, self.degree)
         count = self.random.randint(1, min(self.terms, monomials(self.d, n)))
@@ -112,7 +123,9 @@ class Parts:
         return poly.polynomial(self.d, [(e, some.coefficient(self.random) * unit ** -sum(e)) for e in kept])
 
     def with_slope(self, p: Polynomial) -> Polynomial:
-        """Add linear and quadratic terms to p if y = 0, so that a field B∇p and its derivative do not vanish there."""
+        """Add linear and quadratic terms to p if y = 0,
+        so that a field B∇p and its derivative do not vanish there.
+        """
         if not self.at_origin:
             return p
         linear = poly.linear([some.coefficient(self.random) for _ in range(self.d)])
@@ -137,10 +150,12 @@ SystemOf = Callable[[Parts], PolynomialSystem | None]
 
 
 def maker(system_of: SystemOf, dimensions: Sequence[int] = (), *, shows: bool = True) -> Make:
-    """Return a function that makes test cases of a class of systems; `system_of` makes a system from `Parts`.
+    """Return a function that makes test cases of a class of systems;
+    `system_of` makes a system from `Parts`.
 
-    `dimensions` lists the dimensions that the class can have; it is empty if all are possible. If `shows`, a case of a
-    design is drawn again, a few times, until it would show faults (`sepv.law.cases.shows_faults`).
+    `dimensions` lists the dimensions that the class can have; it is empty if all are possible. If
+    `shows`, a case of a design is drawn again, a few times, until it would show faults
+    (`sepv.law.cases.shows_faults`).
     """
 
     def drawn(levels: Levels, random: Random, attempt: int | None) -> Case | None:
@@ -159,7 +174,8 @@ def maker(system_of: SystemOf, dimensions: Sequence[int] = (), *, shows: bool = 
 
     def make(levels: Levels, random: Random, attempt: int | None) -> Case | None:
         case = drawn(usual(levels), random, attempt)
-        # A case at the origin keeps its units: the law's bound is derived for c_1 = 1, and |y| = 0 has no unit.
+        # A case at the origin keeps its units: the law's bound is derived for c_1 = 1, and |y| = 0
+        # has no unit.
         if case is None or not any(case.y):
             return case
         end = at_the_end(case, levels)
@@ -176,7 +192,9 @@ def single(parts: Parts) -> PolynomialSystem:
 
 
 def nambu(parts: Parts) -> PolynomialSystem:
-    """A system in dimension three with B(y)v = g(y)(v × ∇C(y)), where g and the Casimir C are random polynomials."""
+    """A system in dimension three with B(y)v = g(y)(v × ∇C(y)),
+    where g and the Casimir C are random polynomials.
+    """
     levels, unit, random = parts.levels, parts.unit, parts.random
     H, g = parts.hamiltonian(), some.scalar(3, levels["degree of g"], unit, random)
     degree = some.integer(levels["degree of C"], random)
@@ -188,7 +206,9 @@ def nambu(parts: Parts) -> PolynomialSystem:
 
 
 def several(parts: Parts) -> PolynomialSystem:
-    """A system whose noises have structures of their own: c_j G_j(y)∇H∘dW_j in place of c_j B(y)∇H∘dW_j."""
+    """A system whose noises have structures of their own:
+    c_j G_j(y)∇H∘dW_j in place of c_j B(y)∇H∘dW_j.
+    """
     d, degree, unit, random = parts.d, parts.levels["degree of B"], parts.unit, parts.random
     H, c = parts.hamiltonian(), parts.noise()
     kind, count = parts.levels["structures"].name, 1 + len(c)
@@ -216,12 +236,16 @@ def hamiltonians(parts: Parts) -> PolynomialSystem | None:
 
 
 def general(system: PolynomialSystem) -> PolynomialSystem | None:
-    """Return the system if some bracket {H_0, H_j} of its Hamiltonians does not vanish; else None."""
+    """Return the system if some bracket {H_0, H_j} of its Hamiltonians does not vanish; else
+    None.
+    """
     return system if isinstance(problems.build(system), HamiltoniansProblem) else None
 
 
 def from_origin(system: PolynomialSystem, levels: Levels, random: Random) -> Case | None:
-    """A step from y = 0 in which h and Σ|c_jΔW_j| are small shares of the radius inside which y1(Δ) is analytic."""
+    """A step from y = 0 in which h and Σ|c_jΔW_j| are small shares of the radius inside which y1(Δ)
+    is analytic.
+    """
     d, m = system.dimension, len(system.noise)
     radius = contraction_ball(problems.build(system), np.zeros(d))[0]
     if not 0 < radius < math.inf:
@@ -236,7 +260,8 @@ def from_origin(system: PolynomialSystem, levels: Levels, random: Random) -> Cas
 def placed(
     system: PolynomialSystem, y: tuple[float, ...], levels: Levels, random: Random, *, moving: bool = True
 ) -> Case | None:
-    """A case with H scaled such that |h| + Σ|c_jΔW_j| is the share of the contraction radius given in `levels`.
+    """A case with H scaled such that |h| + Σ|c_jΔW_j| is the share of the contraction radius given
+    in `levels`.
 
     None if the field vanishes at y, or if the rounding of its terms would hide any fault.
     """
@@ -250,7 +275,8 @@ def placed(
     c, sign = system.noise, levels["h"].low
     total = some.number(levels["|Δ|"], random)
     loud = [j for j, cj in enumerate(c) if cj]
-    # Shares of |h| and of the |c_jΔW_j|, with signs such that |Δ| is at least a quarter of |h| + Σ|c_jΔW_j|.
+    # Shares of |h| and of the |c_jΔW_j|, with signs such that |Δ| is at least a quarter of
+    # |h| + Σ|c_jΔW_j|.
     shares = [random.uniform(0.125, 1) for _ in range(1 + len(loud))]
     if kind == UNEVEN:
         end = 1.0 if moving else random.random()
@@ -274,7 +300,9 @@ def placed(
 
 
 def _inside(case: Case) -> Case:
-    """Divide H by a power of two so that the step is inside the contraction radius, which a change of units alters."""
+    """Divide H by a power of two so that the step is inside the contraction radius,
+    which a change of units alters.
+    """
     problem, y, h, dW = case.build()
     length = abs(h) + float(np.sum(np.abs(problem.c * dW)))
     power = math.floor(math.log2(contraction_radius(problem, y) / length)) if length else 0
@@ -285,7 +313,9 @@ def _inside(case: Case) -> Case:
 def _undone(
     system: PolynomialSystem, y: tuple[float, ...], levels: Levels, random: Random, radius: float
 ) -> Case:
-    """A step with Δ = 0 exactly: h = c_1 2^n, ΔW_1 = −2^n, no other noise. h > 0, because schemes may refuse h < 0."""
+    """A step with Δ = 0 exactly: h = c_1 2^n, ΔW_1 = −2^n, no other noise. h > 0,
+    because schemes may refuse h < 0.
+    """
     c, n = system.noise, math.floor(math.log2(some.number(levels["|Δ|"], random)))
     dW = (-(2.0**n), *(0.0 if cj else 2.0**n for cj in c[1:]))
     power = math.floor(math.log2(radius * levels["step/radius"].high / (c[0] * 2.0 ** (n + 1))))
@@ -303,7 +333,9 @@ def _scaled(system: PolynomialSystem, power: int) -> PolynomialSystem:
 
 
 def _moves(problem: Problem, y: Array) -> bool:
-    """True if B∇H and yᵀ∇H both exceed a small share (GENERIC) of the sums of absolute values of their terms."""
+    """True if B∇H and yᵀ∇H both exceed a small share (GENERIC)
+    of the sums of absolute values of their terms.
+    """
     g, most = problem.gradient(y), gradient_majorant(problem, y)
     flow, whole = vector_field(problem, y), structure_majorant(problem, y) @ most
     motion, growth = float(np.max(np.abs(flow))), abs(float(g @ y))

@@ -1,8 +1,10 @@
-"""Random parts of a case: states, polynomials, skew B and their Casimirs, with degrees and sizes in given ranges.
+"""Random parts of a case: states, polynomials, skew B and their Casimirs,
+with degrees and sizes in given ranges.
 
-Coefficients are small dyadic rationals times powers of two, so that a Casimir's B∇C = 0 holds exactly for the stored
-numbers. If |y| is far from 1, the terms of one degree in H or B would be far larger than all others. To avoid this, in
-three cases of four each coefficient is divided by |y| to the degree of its monomial.
+Coefficients are small dyadic rationals times powers of two, so that a Casimir's B∇C = 0 holds
+exactly for the stored numbers. If |y| is far from 1, the terms of one degree in H or B would be far
+larger than all others. To avoid this, in three cases of four each coefficient is divided by |y| to
+the degree of its monomial.
 """
 
 from __future__ import annotations
@@ -21,12 +23,15 @@ from sepv.record import Exponents, Polynomial, poly
 
 # If there are at most this many monomials, monomials are drawn from a table of them.
 TABLE_MAX_MONOMIALS = 300
-# The most entries of B above the diagonal for large d, because the derivatives of B are d³ polynomials.
+# The most entries of B above the diagonal for large d, because the derivatives of B are d³
+# polynomials.
 MOST_ENTRIES = 8
-# If d is larger than this, H gets a linear form of all components, and B an entry in the last row. Otherwise few terms
-# would leave most components at rest, and a component that a scheme forgets would not show.
+# If d is larger than this, H gets a linear form of all components, and B an entry in the last row.
+# Otherwise few terms would leave most components at rest, and a component that a scheme forgets
+# would not show.
 ALL_COMPONENTS_DIMENSION = 12
-# The probability of special parts: components of a state near zero, an H with a constant, a B with one nonzero block.
+# The probability of special parts: components of a state near zero, an H with a constant, a B with
+# one nonzero block.
 SPECIAL_PART_PROBABILITY = 1 / 8
 
 
@@ -36,7 +41,9 @@ def integer(stratum: Stratum, random: Random) -> int:
 
 
 def number(stratum: Stratum, random: Random) -> float:
-    """Draw a number between the `low` and the `high` of a stratum (range), with uniform logarithm."""
+    """Draw a number between the `low` and the `high` of a stratum (range), with uniform
+    logarithm.
+    """
     return math.exp(random.uniform(math.log(stratum.low), math.log(stratum.high)))
 
 
@@ -46,7 +53,9 @@ def less(stratum: Stratum, by: int) -> Stratum:
 
 
 def sizes(levels: Levels, random: Random, least: int = 1) -> tuple[int, int, int]:
-    """Draw d, the degree of H and its number of terms, such that enough monomials of degree ≥ `least` exist."""
+    """Draw d, the degree of H and its number of terms,
+    such that enough monomials of degree ≥ `least` exist.
+    """
     while True:
         d = integer(levels["d"], random)
         n, terms = integer(levels["degree of H"], random), integer(levels["terms of H"], random)
@@ -55,7 +64,9 @@ def sizes(levels: Levels, random: Random, least: int = 1) -> tuple[int, int, int
 
 
 def state(d: int, size: Stratum, random: Random) -> tuple[tuple[float, ...], float]:
-    """A state, and the size to which coefficients are scaled: a power of two near |y|, or sometimes 1."""
+    """A state, and the size to which coefficients are scaled: a power of two near |y|,
+    or sometimes 1.
+    """
     scale = number(size, random)
     y = [random.choice([1.0, -1.0]) * scale * random.uniform(0.25, 1) for _ in range(d)]
     for k in range(d):
@@ -71,7 +82,9 @@ def coefficient(random: Random) -> float:
 
 
 def some_monomials(d: int, n: int, count: int, random: Random, *, least: int = 1) -> list[Exponents]:
-    """Draw `count` different monomials of degree `least` to n: the first has degree n, others often have it too."""
+    """Draw `count` different monomials of degree `least` to n: the first has degree n,
+    others often have it too.
+    """
     total = monomials(d, n) - monomials(d, least - 1)
     count = min(count, total)
     if total <= TABLE_MAX_MONOMIALS:
@@ -95,20 +108,26 @@ def exponents_of(d: int, chosen: Sequence[int]) -> Exponents:
 
 
 def hamiltonian(d: int, n: int, terms: int, unit: float, random: Random, *, least: int = 1) -> Polynomial:
-    """A polynomial of degree n with `terms` terms; a coefficient of a term of degree k is divided by `unit`ᵏ."""
+    """A polynomial of degree n with `terms` terms; a coefficient of a term of degree k is divided
+    by `unit`ᵏ.
+    """
     chosen = some_monomials(d, n, terms, random, least=least)
     return poly.polynomial(d, [(e, coefficient(random) * unit ** -sum(e)) for e in chosen])
 
 
 def with_constant(p: Polynomial, y: tuple[float, ...], random: Random) -> Polynomial:
-    """Add a constant to p: of the size of the largest term of p at y, or such that p(y) nearly vanishes."""
+    """Add a constant to p: of the size of the largest term of p at y, or such that p(y)
+    nearly vanishes.
+    """
     values = [c * math.prod(v**k for v, k in zip(y, e, strict=True)) for e, c in p.terms]
     left = random.choice([-sum(values), random.choice([2.0, -1.0, 0.25]) * max(map(abs, values))])
     return poly.add(p, poly.constant(p.dimension, left))
 
 
 def rest_monomials(d: int, n: int, terms: int, random: Random) -> tuple[set[int], list[Exponents]]:
-    """Choose components to set to zero, and `terms` monomials of degree ≥ 2 in these components, so that ∇H = 0."""
+    """Choose components to set to zero, and `terms` monomials of degree ≥ 2 in these components,
+    so that ∇H = 0.
+    """
     for size in (*random.sample(range(1, d), d - 1), d):
         # Monomials of degree 0 or 1 in the components of the set are not counted.
         left = d - size
@@ -122,7 +141,9 @@ def rest_monomials(d: int, n: int, terms: int, random: Random) -> tuple[set[int]
 
 
 def monomials_at_rest(d: int, n: int, terms: int, zero: Sequence[int], random: Random) -> list[Exponents]:
-    """Draw at most `terms` monomials of joint degree ≥ 2 in the components numbered `zero`; the first has degree n."""
+    """Draw at most `terms` monomials of joint degree ≥ 2 in the components numbered `zero`;
+    the first has degree n.
+    """
     found: dict[Exponents, None] = {}
     for _ in range(40 * terms):
         degree = n if not found or random.random() < 0.5 else random.randint(2, n)
@@ -152,7 +173,9 @@ def scalar(d: int, degree: Stratum, unit: float, random: Random) -> Polynomial:
 
 
 def noise(m: Stratum, random: Random) -> tuple[float, ...]:
-    """Draw coefficients c_j ≥ 0 of the noise; c_1 is a power of two, so that a ΔW_1 can cancel or reverse h exactly."""
+    """Draw coefficients c_j ≥ 0 of the noise; c_1 is a power of two,
+    so that a ΔW_1 can cancel or reverse h exactly.
+    """
     count = integer(m, random)
     more = [random.choice([1.0, 0.5, 0.25, 0.3, 1.7, 0.0, random.uniform(0.25, 2)]) for _ in range(count - 1)]
     c = (random.choice([1.0, 0.5, 2.0]), *more)
@@ -162,7 +185,9 @@ def noise(m: Stratum, random: Random) -> tuple[float, ...]:
 
 
 def skew(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
-    """A random skew B of this degree; half of the constant B are canonical, some B are 0 outside one diagonal block."""
+    """A random skew B of this degree; half of the constant B are canonical,
+    some B are 0 outside one diagonal block.
+    """
     if degree.high == 0 and random.random() < 0.5:
         return planes(d)
     some = random.random() < SPECIAL_PART_PROBABILITY and d <= ALL_COMPONENTS_DIMENSION
@@ -183,7 +208,9 @@ def skew(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
 
 
 def with_constants(d: int, degree: Stratum, random: Random) -> Structure:
-    """A random skew B with B(0) ≠ 0 and, if not constant, further terms: f = B∇H has f(0) ≠ 0 and f′(0) ≠ 0."""
+    """A random skew B with B(0) ≠ 0 and, if not constant, further terms: f = B∇H has f(0)
+    ≠ 0 and f′(0) ≠ 0.
+    """
     n, B = integer(degree, random), []
     for i, j in combinations(range(d), 2):
         if j == i + 1 or random.random() < 1 / d:
@@ -198,9 +225,10 @@ def with_constants(d: int, degree: Stratum, random: Random) -> Structure:
 def poisson(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
     """A random skew B of this degree that satisfies Jacobi's identity.
 
-    B is constant; or B_ij = b_ij y_i y_j with any constant skew b, so that {ln y_i, ln y_j} is constant; or B consists
-    of diagonal blocks. A block of size 2 is b(y)J with any b(y) and J = ((0, 1), (−1, 0)). A block of size 3 is the
-    matrix of v ↦ v × w with w = g∇C, and satisfies the identity because w · curl w = 0.
+    B is constant; or B_ij = b_ij y_i y_j with any constant skew b, so that {ln y_i, ln y_j}
+    is constant; or B consists of diagonal blocks. A block of size 2 is b(y)J with any b(y)
+    and J = ((0, 1), (−1, 0)). A block of size 3 is the matrix of v ↦ v × w with w = g∇C, and
+    satisfies the identity because w · curl w = 0.
     """
     if degree.high == 0:
         return skew(d, degree, unit, random)
@@ -221,7 +249,9 @@ def poisson(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
 
 
 def _block(size: int, n: int, unit: float, random: Random) -> Structure:
-    """A Poisson structure of degree n: b(y)J with J skew for size 2, the matrix of v ↦ v × g(y)∇C(y) for size 3."""
+    """A Poisson structure of degree n: b(y)J with J skew for size 2,
+    the matrix of v ↦ v × g(y)∇C(y) for size 3.
+    """
     if size == 2:
         return ((0, 1, exactly(2, n, unit, random)),)
     of_casimir = random.randint(1, n + 1)
@@ -237,7 +267,9 @@ def exactly(d: int, n: int, unit: float, random: Random) -> Polynomial:
 
 
 def embedded(p: Polynomial, d: int, places: Sequence[int]) -> Polynomial:
-    """Write p as a polynomial in d variables: its k-th variable becomes the variable with number places[k]."""
+    """Write p as a polynomial in d variables: its k-th variable becomes the variable with number
+    places[k].
+    """
 
     def moved(exponents: Exponents) -> Exponents:
         whole = [0] * d
@@ -251,11 +283,13 @@ def embedded(p: Polynomial, d: int, places: Sequence[int]) -> Polynomial:
 def structure(
     casimirs: str, d: int, degree: Stratum, unit: float, random: Random
 ) -> tuple[Structure, tuple[Matrix, ...], Matrix]:
-    """Draw B with given kinds of Casimirs, and return B, its quadratic Casimirs and its linear Casimirs.
+    """Draw B with given kinds of Casimirs, and return B,
+    its quadratic Casimirs and its linear Casimirs.
 
-    B_ij = g Σ T_ijk… v_k … with a scalar g(y), a totally antisymmetric T, and a vector v for each Casimir: Ay for yᵀAy,
-    b for bᵀy. A constant B with a quadratic Casimir has a row and column of zeros, for a component that is conserved.
-    Of two Casimirs, both are linear if B has degree 0, one is linear for degree 1, and none for higher degrees.
+    B_ij = g Σ T_ijk… v_k … with a scalar g(y), a totally antisymmetric T, and a vector v for each
+    Casimir: Ay for yᵀAy, b for bᵀy. A constant B with a quadratic Casimir has a row and column of
+    zeros, for a component that is conserved. Of two Casimirs, both are linear if B has degree 0,
+    one is linear for degree 1, and none for higher degrees.
     """
     if casimirs == "none":
         return skew(d, degree, unit, random), (), ()
@@ -305,7 +339,9 @@ def linear_forms(A: Matrix) -> list[Polynomial]:
 def tensor_terms(
     d: int, indices: Sequence[int], weight: float, forms: list[list[Polynomial]]
 ) -> Iterator[tuple[tuple[int, int], Polynomial]]:
-    """The terms, for i < j, that T's entry `weight` at `indices` adds to B_ij = Σ T_ijk… v_k …; `forms` lists the v."""
+    """The terms, for i < j, that T's entry `weight` at `indices` adds to B_ij = Σ T_ijk… v_k …;
+    `forms` lists the v.
+    """
     for i, j, *others in permutations(indices):
         if i < j:
             parity = (-1) ** sum(a > b for a, b in combinations((i, j, *others), 2))
@@ -316,7 +352,9 @@ def tensor_terms(
 
 
 def contracted(d: int, forms: list[list[Polynomial]], random: Random) -> Structure:
-    """Draw B with B_ij = Σ T_ijk… v_k … for a random sparse antisymmetric T and the v in `forms`; empty if B = 0."""
+    """Draw B with B_ij = Σ T_ijk… v_k … for a random sparse antisymmetric T and the v in `forms`;
+    empty if B = 0.
+    """
     rank = 2 + len(forms)
     entries: dict[tuple[int, int], list[Polynomial]] = {}
     for n in range(random.randint(1, 3) if d > rank else 1):

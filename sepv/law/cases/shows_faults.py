@@ -1,4 +1,6 @@
-"""A test of a case: in it usual faults of a scheme, such as a wrong quadrature, must exceed the bound of rounding."""
+"""A test of a case: in it usual faults of a scheme, such as a wrong quadrature,
+must exceed the bound of rounding.
+"""
 
 from __future__ import annotations
 
@@ -11,20 +13,24 @@ from sepv.law.cases.strata import Levels
 from sepv.law.tolerance import casimir_bound, energy_bound, step_residual
 from sepv.problem import Array, Problem, average_gradient, combined, matvec
 
-# MOTION is the least ratio of a step's increment to rounding, because a fault may change a small share of it alone.
-# SHOWN is the least ratio of a fault's effect to the law's bound. `benchmarks.power` measures the effect of both.
+# MOTION is the least ratio of a step's increment to rounding, because a fault may change a small
+# share of it alone. SHOWN is the least ratio of a fault's effect to the law's bound.
+# `benchmarks.power` measures the effect of both.
 MOTION, SHOWN = 1e7, 64.0
-# In steps longer than this share of the contraction radius, errors of the size of a power of h exceed rounding.
+# In steps longer than this share of the contraction radius, errors of the size of a power of h
+# exceed rounding.
 LONG_STEP_SHARE = 0.5
 
 
 def shows_faults(case: Case, levels: Levels) -> bool:
-    """True if usual faults, such as B taken at y0 instead of the midpoint, would exceed rounding in this case.
+    """True if usual faults, such as B taken at y0 instead of the midpoint,
+    would exceed rounding in this case.
 
-    Let z = Δ B∇H be an explicit step. The step z, and its parts from h and from each c_jΔW_j, must exceed MOTION times
-    rounding. Taking ∇H at the midpoint instead of its average must change H. Taking B at y instead of the midpoint must
-    change y1 and every quadratic Casimir. Each change must exceed SHOWN times the bound of rounding. These changes are
-    not tested for short steps, quadratic H or constant B, because then the faults change nothing.
+    Let z = Δ B∇H be an explicit step. The step z, and its parts from h and from each c_jΔW_j, must
+    exceed MOTION times rounding. Taking ∇H at the midpoint instead of its average must change H.
+    Taking B at y instead of the midpoint must change y1 and every quadratic Casimir. Each change
+    must exceed SHOWN times the bound of rounding. These changes are not tested for short steps,
+    quadratic H or constant B, because then the faults change nothing.
     """
     if levels["step/radius"].high < LONG_STEP_SHARE:
         return True
@@ -41,7 +47,9 @@ def shows_faults(case: Case, levels: Levels) -> bool:
 
 
 def _curved(problem: Problem, levels: Levels, y: Array, z: Array, residual: Array) -> bool:
-    """True if averages of gradients with one node (too few) would show in H and in a Casimir C, if of degree > 2."""
+    """True if averages of gradients with one node (too few) would show in H and in a Casimir C,
+    if of degree > 2.
+    """
     found = []
     if levels["degree of H"].high > 2:
         found.append((problem, energy_bound(problem, y, y + z, residual)))
@@ -53,7 +61,9 @@ def _curved(problem: Problem, levels: Levels, y: Array, z: Array, residual: Arra
 
 
 def _turning(problem: Problem, levels: Levels, y: Array, z: Array, residual: Array, parts: Array) -> bool:
-    """True if y1 and all quadratic Casimirs change by more than rounding when B is taken at y instead of y + z/2."""
+    """True if y1 and all quadratic Casimirs change by more than rounding when B is taken at y
+    instead of y + z/2.
+    """
     degrees = [levels[axis].high for axis in ("degree of B", "degree of g") if axis in levels]
     if max(degrees, default=0) < 1:
         return True

@@ -1,7 +1,8 @@
-"""Simplify a case that violates a law, as a reader would: drop a term, a noise or a dimension, or round a number.
+"""Simplify a case that violates a law, as a reader would: drop a term, a noise or a dimension,
+or round a number.
 
-Hypothesis shrinks its own examples. Cases that come from a list (a law's design) need this module, because Hypothesis
-may not find a rare violation again.
+Hypothesis shrinks its own examples. Cases that come from a list (a law's design) need this module,
+because Hypothesis may not find a rare violation again.
 """
 
 from __future__ import annotations
@@ -21,15 +22,17 @@ from sepv.law.contraction import contraction_radius
 from sepv.problem import PolynomialSystem, Structure
 from sepv.record import Polynomial, poly
 
-# States and steps beyond UNITS_LIMIT or below 1/UNITS_LIMIT are shown in other units, if the law is violated there too.
+# States and steps beyond UNITS_LIMIT or below 1/UNITS_LIMIT are shown in other units, if the law is
+# violated there too.
 UNITS_LIMIT = 2.0**16
 
 
 def shrunk(case: Case, fails: Callable[[Case], bool | None]) -> Case:
     """The simplest case found that still fails.
 
-    `fails` returns True if a candidate is one of the law's cases and still fails; None ends the search. Candidates
-    outside the contraction radius are not tried, because they may have no solution.
+    `fails` returns True if a candidate is one of the law's cases and still fails; None ends the
+    search. Candidates outside the contraction radius are not tried, because they may have no
+    solution.
     """
     simpler = True
     while simpler:
@@ -68,7 +71,8 @@ def _candidates(case: Case) -> Iterator[Case]:
     if isinstance(system, PolynomialSystem):
         yield from _smaller_systems(case, system)
     for k, v in enumerate(case.y):
-        # Only values before v in this order are simpler: otherwise 1 and −1 would alternate until the budget is spent.
+        # Only values before v in this order are simpler: otherwise 1 and −1 would alternate until
+        # the budget is spent.
         for simple in (0.0, 1.0, -1.0, _rounded(v)):
             if simple == v:
                 break
@@ -82,7 +86,9 @@ def _candidates(case: Case) -> Iterator[Case]:
 
 
 def in_strange_units(case: Case) -> bool:
-    """True for a case as data whose |y| or |h| is far from 1. In other units of y and time it says the same."""
+    """True for a case as data whose |y| or |h| is far from 1.
+    In other units of y and time it says the same.
+    """
     if not isinstance(case.problem, PolynomialSystem):
         return False
     sizes = [v for v in (abs(case.h), max(map(abs, case.y), default=0.0)) if v]
@@ -142,7 +148,9 @@ def _simpler_systems(system: PolynomialSystem) -> Iterator[PolynomialSystem]:
 
 
 def _simpler(p: Polynomial) -> Iterator[Polynomial]:
-    """Polynomials with half of the terms, with one term less, and with coefficients ±1 or powers of two."""
+    """Polynomials with half of the terms, with one term less,
+    and with coefficients ±1 or powers of two.
+    """
     terms = p.terms
     if len(terms) > 3:
         yield poly.polynomial(p.dimension, terms[: len(terms) // 2])

@@ -1,4 +1,6 @@
-"""Cases for schemes in single precision: their numbers are rounded, and must lie in the range of single precision."""
+"""Cases for schemes in single precision: their numbers are rounded,
+and must lie in the range of single precision.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +13,12 @@ from sepv.law.cases.case import Case
 from sepv.law.tolerance import gradient_majorant, structure_majorant
 from sepv.problem import PolynomialSystem
 
-# The largest error of B and ∇H in single precision, relative to the sum of their terms: a few thousand roundings. A
-# larger error means that powers overflow or underflow, which no order of summation avoids.
+# The largest error of B and ∇H in single precision, relative to the sum of their terms: a few
+# thousand roundings. A larger error means that powers overflow or underflow, which no order of
+# summation avoids.
 SINGLE_PRECISION_MAX_ERROR = 2.0**-12
-# The range in which single precision represents coefficients with all digits, and in which their sums do not overflow.
+# The range in which single precision represents coefficients with all digits, and in which their
+# sums do not overflow.
 LEAST, MOST = 2.0**-126, 2.0**120
 
 
@@ -26,7 +30,9 @@ def single(case: Case) -> Case:
 
 
 def in_range(case: Case) -> bool:
-    """True if B and ∇H at y and 2y, evaluated in single precision, have no error beyond rounding, such as overflow."""
+    """True if B and ∇H at y and 2y, evaluated in single precision, have no error beyond rounding,
+    such as overflow.
+    """
     if isinstance(case.problem, PolynomialSystem) and not all(
         LEAST <= abs(value) <= MOST
         for p in (case.problem.hamiltonian, *(entry for _, _, entry in case.problem.structure))

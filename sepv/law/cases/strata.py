@@ -1,10 +1,13 @@
-"""Spaces of test cases: axes divided into strata, forbidden combinations with reasons, and designs that cover a space.
+"""Spaces of test cases: axes divided into strata, forbidden combinations with reasons,
+and designs that cover a space.
 
-An axis is a property of cases, such as the dimension d, and a stratum is a range or value of it, such as d = 4 to 6. A
-row has one stratum of each axis; a design is a list of rows in which each possible pair of strata occurs. Each class of
-systems has a space, and a law uses a part of it (`Space.part`). `Space.cases` makes a random case inside the strata of
-each row, by `sepv.law.cases.random_cases`; `Space.strategy` draws cases for Hypothesis. Laws with the same
-row share the case of this row. So a design first takes rows from the design of a larger space, the pool.
+An axis is a property of cases, such as the dimension d, and a stratum is a range or value of it,
+such as d = 4 to 6. A row has one stratum of each axis; a design is a list of rows in which each
+possible pair of strata occurs. Each class of systems has a space, and a law uses a part of it
+(`Space.part`). `Space.cases` makes a random case inside the strata of each row, by
+`sepv.law.cases.random_cases`; `Space.strategy` draws cases for Hypothesis. Laws with the same row
+share the case of this row. So a design first takes rows from the design of a larger space, the
+pool.
 """
 
 from __future__ import annotations
@@ -28,7 +31,8 @@ from sepv.law.cases.covering import Design, Pair, Partial, Row, pairwise, shown_
 
 
 class Stratum(NamedTuple):
-    """One range or value of a property of cases: its name and, for a number, the range from `low` to `high`.
+    """One range or value of a property of cases: its name and, for a number,
+    the range from `low` to `high`.
 
     If there is an `end` beyond the range, some cases lie between the range and this end (`ended`).
     """
@@ -43,7 +47,8 @@ class Stratum(NamedTuple):
 class Axis:
     """A property of cases, such as the dimension, divided into strata (ranges or values).
 
-    A law that names no strata of an axis gets the first `usual` strata of the axis, or all if `usual` is 0.
+    A law that names no strata of an axis gets the first `usual` strata of the axis, or all if
+    `usual` is 0.
     """
 
     name: str
@@ -59,7 +64,9 @@ NO_STRATA: Mapping[str, Strata] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Rule:
-    """A rule against combining strata: `forbids` gets one stratum of each of `axes` and is True if it forbids these."""
+    """A rule against combining strata: `forbids` gets one stratum of each of `axes` and is True if
+    it forbids these.
+    """
 
     axes: tuple[str, ...]
     forbids: Callable[..., bool]
@@ -87,7 +94,8 @@ STEP = _axis(
     ("1e-14–1e-5", 1e-9, 1e-5, 1e-14),
 )  # fmt: skip
 SIGN = _axis("h", ("> 0", 1, 1), ("< 0", -1, -1))
-# Steps as long as the contraction radius allows, and short ones, whose quadrature errors are below rounding.
+# Steps as long as the contraction radius allows, and short ones, whose quadrature errors are below
+# rounding.
 SHARE = _axis("step/radius", ("½–1", 0.5, 1), ("2⁻¹⁰", 2.0**-11, 2.0**-10))
 GIVEN = _axis("given as", "data", "functions", "bare functions")
 BATCH = _axis(
@@ -102,8 +110,8 @@ MATRICES = _axis("matrices", "so(3)", "so(4)", "su(3)")
 STRUCTURES = _axis("structures", "any", "common Casimir", "all are B", usual=2)
 CASIMIR_DEGREE = _axis("degree of C", ("1", 1, 1), ("2", 2, 2), ("3–4", 3, 4), ("5–6", 5, 6))
 KIND = "kind of step"
-# Kinds of steps in which little moves, or in which one part of Δ is nearly all of Δ. Most faults do not show in them.
-# So the design has no strata for them; one case of each kind follows the design.
+# Kinds of steps in which little moves, or in which one part of Δ is nearly all of Δ. Most faults do
+# not show in them. So the design has no strata for them; one case of each kind follows the design.
 UNEVEN, STILL, UNDONE, NEAR = map(Stratum, ("noises 1e-4–1e4 of h", "h = 0", "Δ = 0", "near ∇H = 0"))
 EXTREME_SIZES = Stratum("|y| = 1e-100", 1e-100, 1e-100), Stratum("|y| = 1e100", 1e100, 1e100)
 # States with components of one sign. In many dimensions random signs hardly ever agree.
@@ -148,12 +156,15 @@ SHORT_STEP = ("step/radius", "2⁻¹⁰")
 IN_AXES = ("inertia", "principal axes")
 
 
-# In a stratum with an `end`, the share of cases beyond the usual range: smaller for integers like d, which cost time.
+# In a stratum with an `end`, the share of cases beyond the usual range: smaller for integers like
+# d, which cost time.
 TAIL = {int: 1 / 4, float: 1 / 2}
 
 
 def ended(stratum: Stratum, random: Random) -> Stratum:
-    """Return the stratum or, sometimes, one log-uniform number between its range and its `end`, or the `end` itself."""
+    """Return the stratum or, sometimes, one log-uniform number between its range and its `end`,
+    or the `end` itself.
+    """
     kind = type(stratum.end)
     if not stratum.end or random.random() >= TAIL[kind]:
         return stratum._replace(end=0.0)
@@ -171,17 +182,20 @@ def monomials(d: int, degree: int) -> int:
     return math.comb(d + degree, degree) - 1
 
 
-# A function that makes a random case inside the strata, or returns None if the drawn numbers allow no case. Its last
-# argument counts attempts; None stands for the random search, which accepts cases in which some faults do not show.
+# A function that makes a random case inside the strata, or returns None if the drawn numbers allow
+# no case. Its last argument counts attempts; None stands for the random search, which accepts cases
+# in which some faults do not show.
 Make = Callable[[Levels, Random, int | None], Case | None]
 
 
 @dataclass(frozen=True)
 class Space:
-    """A space of cases: axes (properties), and the function that makes a case from a stratum (range) of each axis.
+    """A space of cases: axes (properties), and the function that makes a case from a stratum
+    (range) of each axis.
 
-    `beside` lists strata, as (axis, stratum), in which some faults cannot show, such as a wrong quadrature if H is
-    quadratic. A case in such a stratum does not count as a test of its pairs of other strata.
+    `beside` lists strata, as (axis, stratum), in which some faults cannot show, such as a wrong
+    quadrature if H is quadratic. A case in such a stratum does not count as a test of its pairs of
+    other strata.
     """
 
     axes: tuple[Axis, ...]
@@ -192,10 +206,11 @@ class Space:
     kinds: tuple[Stratum, ...] = ()  # kinds of steps: one case of each kind follows the design
 
     def part(self, where: Mapping[str, Strata] = NO_STRATA, blind: Mapping[str, Strata] = NO_STRATA) -> Space:
-        """The part of the space with the strata that `where` lists for an axis, and the usual strata of all other axes.
+        """The part of the space with the strata that `where` lists for an axis,
+        and the usual strata of all other axes.
 
-        `blind` lists strata in which no violation of the law can show. Axes that the space does not have are ignored,
-        and strata that occur in no allowed combination are left out.
+        `blind` lists strata in which no violation of the law can show. Axes that the space does not
+        have are ignored, and strata that occur in no allowed combination are left out.
         """
         axes = []
         for axis in self.axes:
@@ -220,7 +235,9 @@ class Space:
 
     @cached_property
     def _refusals(self) -> list[tuple[Rule, tuple[int, ...], set[tuple[int, ...]]]]:
-        """For each rule whose axes this space has: rule, axis numbers, and the forbidden combinations of strata."""
+        """For each rule whose axes this space has: rule, axis numbers,
+        and the forbidden combinations of strata.
+        """
         numbers = {axis.name: a for a, axis in enumerate(self.axes)}
         found = []
         for rule in self.rules:
@@ -234,22 +251,30 @@ class Space:
 
     @property
     def hiding(self) -> frozenset[tuple[int, int]]:
-        """The strata of `beside`, in which some faults cannot show, as (axis number, stratum number)."""
+        """The strata of `beside`, in which some faults cannot show,
+        as (axis number, stratum number).
+        """
         numbered = ((a, axis, k, s) for a, axis in enumerate(self.axes) for k, s in enumerate(axis.strata))
         return frozenset((a, k) for a, axis, k, s in numbered if (axis.name, s.name) in self.beside)
 
     def design(self) -> Design:
-        """The design: rows, each with one stratum of each axis, in which every possible pair of strata occurs."""
+        """The design: rows, each with one stratum of each axis,
+        in which every possible pair of strata occurs.
+        """
         return _design(replace(self, make=_none))
 
     def cases(self, seed: int) -> list[tuple[Row, Case]]:
-        """The rows of the design, each with a random case inside its strata; `seed` sets the random numbers."""
+        """The rows of the design, each with a random case inside its strata;
+        `seed` sets the random numbers.
+        """
         return [
             (row, _content(self.make, tuple(self.levels(row).items()), seed)) for row in self.design().rows
         ]
 
     def further(self, seed: int) -> dict[str, Case]:
-        """One case of each kind of step in `kinds`, in the strata of a row of `offered` or else of the design."""
+        """One case of each kind of step in `kinds`, in the strata of a row of `offered` or else of
+        the design.
+        """
         found = {}
         for kind in self.kinds:
             of_rows = (
@@ -267,11 +292,15 @@ class Space:
         return found
 
     def strategy(self) -> st.SearchStrategy[Case]:
-        """A Hypothesis strategy for cases of the space; examples shrink towards the first stratum of each axis."""
+        """A Hypothesis strategy for cases of the space;
+        examples shrink towards the first stratum of each axis.
+        """
         return _drawn(self)
 
     def offered(self) -> list[Row]:
-        """The rows of the pool's design that this space has, with every stratum of each axis that the pool lacks."""
+        """The rows of the pool's design that this space has,
+        with every stratum of each axis that the pool lacks.
+        """
         found: list[Row] = []
         if self.pool is None:
             return found
@@ -291,15 +320,18 @@ class Space:
         return self.forbidden(row) or "no other strata go with both"
 
     def shown(self, row: Row) -> list[Pair]:
-        """The pairs of strata that the case of a row tests; strata in `hiding` exclude some of its pairs."""
+        """The pairs of strata that the case of a row tests;
+        strata in `hiding` exclude some of its pairs.
+        """
         return shown_pairs(row, self.hiding)
 
 
 def _fits(kind: Stratum, levels: Levels) -> bool:
     """True if cases in the strata `levels` can have a step of this kind.
 
-    For every kind, `levels` must have long steps and a state drawn without a condition such as y = 0. For kinds about
-    noises it must have a noise (or two), and for an extreme |y| low degrees, so that powers of y do not overflow.
+    For every kind, `levels` must have long steps and a state drawn without a condition such as
+    y = 0. For kinds about noises it must have a noise (or two), and for an extreme |y| low
+    degrees, so that powers of y do not overflow.
     """
     usual = (
         levels[STATE.name].name == STATE.strata[0].name
@@ -327,7 +359,9 @@ def _design(space: Space) -> Design:
 
 @cache
 def _content(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> Case:
-    """The random case in these strata for a seed, stored between runs; a batch changes only its number of states."""
+    """The random case in these strata for a seed, stored between runs;
+    a batch changes only its number of states.
+    """
     alone = _without_batch(levels)
     if alone != levels:
         stratum, random = dict(levels)[BATCH.name], Random(f"{seed} {levels}")
@@ -340,7 +374,8 @@ def _content(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> 
 
 def _drawn_until_made(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> Case:
     random = Random(f"{seed} {[(axis, stratum.name) for axis, stratum in levels]}")
-    # Sizes beyond the usual range are drawn before the attempts; else sizes that show fewer faults would be rarer.
+    # Sizes beyond the usual range are drawn before the attempts; else sizes that show fewer faults
+    # would be rarer.
     wanted = {axis: ended(stratum, random) for axis, stratum in levels}
     for attempt in range(MOST_ATTEMPTS):
         if (case := make(dict(wanted), random, attempt)) is not None:
@@ -348,7 +383,8 @@ def _drawn_until_made(make: Make, levels: tuple[tuple[str, Stratum], ...], seed:
     raise AssertionError(f"no case of these strata: {[(axis, stratum.name) for axis, stratum in levels]}")
 
 
-# After this many draws it is concluded that the strata have no case: the rules of the class forbid too little.
+# After this many draws it is concluded that the strata have no case: the rules of the class forbid
+# too little.
 MOST_ATTEMPTS = 10_000
 _CHOICES = [st.integers(0, n) for n in range(4 * len(KINDS) + 1)]
 _RANDOM = st.randoms(use_true_random=False)

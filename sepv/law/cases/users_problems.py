@@ -37,19 +37,25 @@ class Item:
     space: Space | None = None  # the space of cases of a family
 
     def design(self, seed: int, where: Mapping[str, Strata]) -> list[Case]:
-        """Cases of a family that cover all pairs of property ranges (strata); `where` restricts the ranges."""
+        """Cases of a family that cover all pairs of property ranges (strata);
+        `where` restricts the ranges.
+        """
         part = self.part(where)
         return [] if part is None else [*(case for _, case in part.cases(seed)), *part.further(seed).values()]
 
     def part(self, where: Mapping[str, Strata]) -> Space | None:
-        """The space of the family's cases in the ranges `where`, or in all if none is left; None without a family."""
+        """The space of the family's cases in the ranges `where`, or in all if none is left;
+        None without a family.
+        """
         if self.space is None:
             return None
         part = self.space.part(where)
         return part if all(axis.strata for axis in part.axes) else self.space.part()
 
     def meets(self, adapted: Callable[[Case], Case | None], where: Mapping[str, Strata]) -> bool:
-        """True if a law applies to the item: to its one problem, a case of its family, or one of thirty drawn cases."""
+        """True if a law applies to the item: to its one problem, a case of its family,
+        or one of thirty drawn cases.
+        """
         if self.fixed is not None:
             return adapted(start_of(describe(self.fixed, self.text))) is not None
         if self.space is not None:
@@ -123,12 +129,16 @@ def _item(asked: Any) -> Item:
 
 
 def sources(scheme: Any) -> tuple[Item, ...]:
-    """The problems that a scheme is for, or its family of problems; empty if it is for a wide class of systems."""
+    """The problems that a scheme is for, or its family of problems;
+    empty if it is for a wide class of systems.
+    """
     if scheme.problems:
         return items(scheme.problems)
     return items(scheme.systems) if scheme.systems in FAMILIES else ()
 
 
 def objects_of(scheme: Any) -> tuple[Problem, ...]:
-    """The problems of a scheme that were given as Python objects, so that no command line can name them."""
+    """The problems of a scheme that were given as Python objects,
+    so that no command line can name them.
+    """
     return tuple(item.fixed for item in sources(scheme) if item.fixed is not None and not item.text)

@@ -1,4 +1,6 @@
-"""A chunk of paths in the compiled engine: the arrays that its kernel reads and writes, and their meaning."""
+"""A chunk of paths in the compiled engine: the arrays that its kernel reads and writes,
+and their meaning.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ from sepv.simulate._ensembles.task import Task
 
 
 def aligned(*shapes: tuple[int, ...]) -> list[np.ndarray]:
-    """Make arrays of zeros in one memory block, each from a cache line on, so that no 512-bit load spans two lines."""
+    """Make arrays of zeros in one memory block, each from a cache line on,
+    so that no 512-bit load spans two lines.
+    """
     line = layout.CACHE_LINE // 8
     sizes = [-(-math.prod(shape) // line) * line for shape in shapes]
     room = np.zeros(sum(sizes) + line)
@@ -51,12 +55,14 @@ class Chunk:
         self.task, self.problem = task, problem
         self.driver, self.draws = ordinary("driver"), ordinary("lanes")
         self.kernel: Kernel = kernel(task.scheme, problem, lanes=lanes, compensated=task.compensated)
-        # An exception in `_solve`, kept here because it cannot pass through the compiled code that calls `_solve`.
+        # An exception in `_solve`, kept here because it cannot pass through the compiled code that
+        # calls `_solve`.
         self.raised: BaseException | None = None
         m, self.lanes = problem.noises, lanes
         self.y0 = np.array(task.y0, dtype=np.float64)
-        # Results that are read from outside: the number of steps done, the sums of the increments, the states and the
-        # defects of energy and Casimirs, the status and the failed step of each path.
+        # Results that are read from outside: the number of steps done, the sums of the increments,
+        # the states and the defects of energy and Casimirs, the status and the failed step of each
+        # path.
         self.steps, self.W = np.zeros(1, np.int64), np.empty((m, task.count))
         self.ends = np.empty((problem.dimension + 2, task.count))
         self.marks = np.empty((2, task.count), np.int64)
@@ -71,10 +77,11 @@ class Chunk:
         self.given = np.empty((0, m, 0)) if task.dW is None else np.ascontiguousarray(task.dW)
 
     def _solve(self, S: int, I: int, increments: int, width: int) -> int:
-        """Solve a step by the scheme's own solver in Python, for the lanes (paths) that compiled code has not solved.
+        """Solve a step by the scheme's own solver in Python, for the lanes (paths)
+        that compiled code has not solved.
 
-        S, I : addresses of the block's floats and integers
-        increments : address of the step's increments (m, width), of which the first columns are the block's lanes
+        S, I : addresses of the block's floats and integers increments : address of the step's
+        increments (m, width), of which the first columns are the block's lanes
         """
         L, d, m, module = self.lanes, self.problem.dimension, self.problem.noises, self.kernel.module
         state = _at(S, module.SIZE).reshape(-1, L)
@@ -98,7 +105,8 @@ class Chunk:
         integers[layout.STATUS * L :][busy] = found.status
         counts = found.iterations, found.gradient_evaluations, found.structure_evaluations
         for place, count in zip((layout.WORK, layout.EVALUATIONS, layout.STRUCTURES), counts, strict=True):
-            # If a kernel counts no evaluations, their number is its iterations times the evaluations in an iteration.
+            # If a kernel counts no evaluations, their number is its iterations times the
+            # evaluations in an iteration.
             integers[4 * L + place] += count.sum() if place == layout.WORK or integers[4 * L + place] else 0
         return 0
 
@@ -106,8 +114,9 @@ class Chunk:
         """Take the next `steps` steps."""
         module, goal = self.kernel.module, self.done + steps
         if self.done == 0:
-            # Arrays of each block: its state, streams, right halves for later steps, coarse increments. If blocks run
-            # to the end at once, they share one set of these arrays, which then stays in the cache.
+            # Arrays of each block: its state, streams, right halves for later steps, coarse
+            # increments. If blocks run to the end at once, they share one set of these arrays,
+            # which then stays in the cache.
             L, m, grid, streams = self.lanes, self.problem.noises, self.grid, len(self.words)
             blocks = 1 if goal == self.task.steps else -(-self.task.count // L)
             piece = max(16, 1024 // L)
@@ -119,7 +128,8 @@ class Chunk:
             self.I = I.view(np.int64)
             self.blocks = S, self.I, sums, rng.view(np.uint64), stack, top
         left_over = LEFT_OVER(self._solve)
-        # `ctypes.cast` would make a cycle of references: the garbage collector alone could then free the arrays.
+        # `ctypes.cast` would make a cycle of references: the garbage collector alone could then
+        # free the arrays.
         address = ctypes.c_void_p.from_buffer(left_over).value
         self.driver.run(
             self.draws.BEGINNING, self.draws.FILLING, self.draws.DRAWING, module.STARTING, module.ADVANCING, address,
@@ -152,7 +162,9 @@ class Chunk:
         return self.ends[:-2].copy()
 
     def result(self, kept: Array) -> Ensemble:
-        """The present states as an `Ensemble` of the chunk's own arrays; `kept` are the states at the chosen times."""
+        """The present states as an `Ensemble` of the chunk's own arrays;
+        `kept` are the states at the chosen times.
+        """
         self._settle()
         sums = self.I[:, 4 * self.lanes :].sum(axis=0).tolist()
         gradients, structures = sums[layout.EVALUATIONS], sums[layout.STRUCTURES]

@@ -1,4 +1,5 @@
-"""Scalar code as text: expressions are strings, temporaries are named, coefficients become parameters.
+"""Scalar code as text: expressions are strings, temporaries are named,
+coefficients become parameters.
 
 A zero expression is None, so that the zeros of sparse B, H″ and B′ cost nothing in the code.
 """
@@ -13,13 +14,15 @@ from sepv.record import Polynomial
 Expression = str | None
 Table = list[list[Expression]]
 
-# Coefficients that are written into the code. All others are parameters, so that problems that differ only in these
-# share one compiled kernel.
+# Coefficients that are written into the code. All others are parameters, so that problems that
+# differ only in these share one compiled kernel.
 _PLAIN = {0.0, 0.5, 1.0, 2.0, 3.0, 4.0, -0.5, -1.0, -2.0, -3.0, -4.0}
 
 
 class CodeBuilder:
-    """Straight-line code under construction: its lines, its temporaries and the parameters it reads."""
+    """Straight-line code under construction: its lines,
+    its temporaries and the parameters it reads.
+    """
 
     def __init__(self, parameters: list[float] | None = None) -> None:
         self.lines: list[str] = []
@@ -27,7 +30,9 @@ class CodeBuilder:
         self._known: dict[str, str] = {}
 
     def let(self, expression: str) -> str:
-        """Return a name for an expression's value, set in a new line if needed; equal expressions have one name."""
+        """Return a name for an expression's value, set in a new line if needed;
+        equal expressions have one name.
+        """
         if expression.isidentifier():
             return expression
         name = self._known.get(expression)
@@ -38,7 +43,9 @@ class CodeBuilder:
         return name
 
     def number(self, value: float) -> str:
-        """The text of a coefficient: its value if it is in `_PLAIN`, else a parameter p0, p1, and so on."""
+        """The text of a coefficient: its value if it is in `_PLAIN`, else a parameter p0, p1,
+        and so on.
+        """
         if value in _PLAIN:
             return f"({value!r})"
         if value not in self.parameters:
@@ -88,7 +95,8 @@ class CodeBuilder:
     def polynomial(
         self, p: Polynomial, y: Sequence[str], *factors: str, value: Expression = None
     ) -> Expression:
-        """Code of `value` + p(y), in the canonical order of the terms of p, with powers as repeated products.
+        """Code of `value` + p(y), in the canonical order of the terms of p,
+        with powers as repeated products.
 
         The `factors` multiply the polynomial's coefficients.
         """

@@ -1,4 +1,6 @@
-"""The choice of schemes and problems that the compiled engine can run, with a reason for each that it cannot run."""
+"""The choice of schemes and problems that the compiled engine can run,
+with a reason for each that it cannot run.
+"""
 
 from __future__ import annotations
 
@@ -32,16 +34,20 @@ from sepv.simulate._compiled.stages import StagesWriter
 from sepv.simulate._compiled.writer import ExplicitWriter, Writer
 from sepv.simulate.targets._target import CannotCompile
 
-# Up to this number, paths run one by one, because a block of lanes would be mostly empty. The bits are the same.
+# Up to this number, paths run one by one, because a block of lanes would be mostly empty. The bits
+# are the same.
 FEW = 8
-# The largest d and the most unknowns of a step: code is written out for each component, and compiles slowly if long.
+# The largest d and the most unknowns of a step: code is written out for each component, and
+# compiles slowly if long.
 LARGEST_DIMENSION = 16
 LARGEST_SYSTEM = 32
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """A compiled module, the parameters that it reads, and the numbers of evaluations of ∇H and B in an iteration."""
+    """A compiled module, the parameters that it reads,
+    and the numbers of evaluations of ∇H and B in an iteration.
+    """
 
     module: ModuleType
     parameters: Array
@@ -50,7 +56,9 @@ class Kernel:
 
 
 def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated: bool = False) -> Kernel:
-    """Return the compiled kernel of a scheme and a problem; raise CannotCompile if there is none."""
+    """Return the compiled kernel of a scheme and a problem; raise CannotCompile if there is
+    none.
+    """
     if not _installed():
         raise CannotCompile("numba is not installed (pip install numba)")
     formula, code = taken(scheme, problem), code_of(problem)
@@ -76,7 +84,8 @@ def _loaded(code: RecordedProblem, formula: Formula, lanes: int, compensated: bo
     noises = code.problem.noises
     text, parameters = _written(code, formula, noises, lanes, compensated)
     gradients, structures = code.cost(formula.recorded, formula.names(noises))
-    # `code.cost` is the cost of the method of one stage. With several stages, B is evaluated in each.
+    # `code.cost` is the cost of the method of one stage. With several stages, B is evaluated in
+    # each.
     read = np.array([*code.problem.c, *parameters], dtype=np.float64)
     collects = gc.isenabled()
     gc.disable()  # numba makes a million objects that stay; searching them would take a tenth of the time
@@ -93,7 +102,9 @@ def _loaded(code: RecordedProblem, formula: Formula, lanes: int, compensated: bo
 def _written(
     problem: RecordedProblem, formula: Formula, noises: int, lanes: int, compensated: bool
 ) -> tuple[str, list[float]]:
-    """The source of a module, and the parameters that its kernel reads after the noise coefficients c_j."""
+    """The source of a module, and the parameters that its kernel reads after the noise coefficients
+    c_j.
+    """
     kind: type[Writer] = NewtonWriter if formula.implicit else ExplicitWriter
     if isinstance(formula, Collocation):
         kind = StagesWriter
@@ -104,7 +115,9 @@ def _written(
 
 
 def taken(scheme: Scheme, problem: Problem) -> Formula:
-    """Return the scheme's formula if the engine can compile it for the problem; else raise CannotCompile."""
+    """Return the scheme's formula if the engine can compile it for the problem;
+    else raise CannotCompile.
+    """
     formula = formula_of(scheme)
     if formula is None:
         raise CannotCompile(f"the compiled engine has no code for the scheme {scheme.name!r}")
@@ -133,7 +146,9 @@ def taken(scheme: Scheme, problem: Problem) -> Formula:
 
 
 def code_of(problem: Problem) -> RecordedProblem:
-    """Return the problem's functions as code; raise CannotCompile if d is too large or one cannot be recorded."""
+    """Return the problem's functions as code; raise CannotCompile if d is too large or one cannot
+    be recorded.
+    """
     if problem.dimension > LARGEST_DIMENSION:
         raise CannotCompile(
             f"{problem.name} has {problem.dimension} components, the compiled engine takes {LARGEST_DIMENSION}"

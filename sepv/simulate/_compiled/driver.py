@@ -1,7 +1,9 @@
-"""The loop over the steps of a chunk, block by block: draw increments, sum them, and advance by a generated kernel.
+"""The loop over the steps of a chunk, block by block: draw increments, sum them,
+and advance by a generated kernel.
 
-The kernel is passed as the address of a function, so that this file is compiled once for all kernels. Its call costs 50
-ns, for more than a thousand steps of paths. This file needs numba, and is loaded by `sepv.simulate._compiled.store`.
+The kernel is passed as the address of a function, so that this file is compiled once for all
+kernels. Its call costs 50 ns, for more than a thousand steps of paths. This file needs numba, and
+is loaded by `sepv.simulate._compiled.store`.
 """
 
 from __future__ import annotations
@@ -24,13 +26,15 @@ def run(  # noqa: PLR0912 - in one piece, as a block runs
 ) -> None:  # fmt: skip
     """Run a chunk of paths in blocks of lanes from step done[0] to step n1.
 
-    The state of each block is a set of arrays S, I, sums, rng, stack and top, which is set up before step 0. If a call
-    runs all steps of the chunk, all blocks share one set. The first path of the chunk has the number `path`. Results
-    are written to ends, W and marks (see `sepv.simulate._compiled.block_run`).
+    The state of each block is a set of arrays S, I, sums, rng, stack and top, which is set up
+    before step 0. If a call runs all steps of the chunk, all blocks share one set. The first path
+    of the chunk has the number `path`. Results are written to ends, W and marks (see
+    `sepv.simulate._compiled.block_run`).
 
-    If `given` (N, m, M) is empty, increments are drawn; else they are the columns of `given` from `place` on. If there
-    are `values`, each increment is replaced by the value of the last threshold that it reaches. `advance` calls
-    `left_over` for lanes that it has not solved. The last two arguments are scratch space.
+    If `given` (N, m, M) is empty, increments are drawn; else they are the columns of `given` from
+    `place` on. If there are `values`, each increment is replaced by the value of the last threshold
+    that it reaches. `advance` calls `left_over` for lanes that it has not solved. The last two
+    arguments are scratch space.
     """
     for_simd()
     (piece, noises, lanes), n0 = buffer.shape, done[0]
@@ -83,5 +87,6 @@ def run(  # noqa: PLR0912 - in one piece, as a block runs
             copy_row(living, (sums, (own, j, 0), W, (j, first)))
         for i in range(2):
             copy_row(living, (I, (own, (STATUS + i) * lanes), marks, (i, first)))
-    # The number of steps is written here, not by the caller, so that states are never ahead of it after an interrupt.
+    # The number of steps is written here, not by the caller, so that states are never ahead of it
+    # after an interrupt.
     done[0] = n1

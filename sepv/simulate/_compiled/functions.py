@@ -1,8 +1,10 @@
-"""Sine, cosine and logarithm without branches or calls, so that a loop over lanes becomes SIMD code.
+"""Sine, cosine and logarithm without branches or calls,
+so that a loop over lanes becomes SIMD code.
 
-The polynomials are those of fdlibm (k_sin.c, k_cos.c, e_log.c; errors below 1 ulp on reduced arguments). This module
-needs numba, and is imported only by other code that needs numba. Its compiled functions call no functions of other
-modules of sepv, because numba compiles a function anew only if the function's own file has changed.
+The polynomials are those of fdlibm (k_sin.c, k_cos.c, e_log.c; errors below 1 ulp on reduced
+arguments). This module needs numba, and is imported only by other code that needs numba. Its
+compiled functions call no functions of other modules of sepv, because numba compiles a function
+anew only if the function's own file has changed.
 """
 
 from __future__ import annotations
@@ -22,12 +24,14 @@ from sepv._patches import add_attribute
 
 _inline: Any = njit(error_model="numpy", forceinline=True, cache=True, _nrt=False)
 
-# π/2 in three parts of 22, 22 and 53 bits: k times one of the first two parts is exact for |k| < 2³¹.
+# π/2 in three parts of 22, 22 and 53 bits: k times one of the first two parts is exact for |k|
+# < 2³¹.
 _PART_1 = float.fromhex("0x1.921fb0p+0")
 _PART_2 = float.fromhex("0x1.5110bp-22")
 _PART_3 = float.fromhex("0x1.18469898cc517p-44")
 _TWO_OVER_PI = 2 / math.pi
-# The largest angle. Beyond it the result is NaN: the angle's own rounding is 1e-7, and the reduction is not exact.
+# The largest angle. Beyond it the result is NaN: the angle's own rounding is 1e-7, and the
+# reduction is not exact.
 _LARGEST_ANGLE = 1e9
 _INT, _BYTE, _DOUBLE = ir.IntType(64), ir.IntType(8), ir.DoubleType()
 # The number of lanes whose increments are added up together: four registers of eight.
@@ -37,7 +41,9 @@ _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 
 
 def _emits(instruction: Callable[[Any, Any], Any]) -> Callable[..., Any]:
-    """Make the code of an intrinsic that is a single instruction, which the builder emits from the arguments."""
+    """Make the code of an intrinsic that is a single instruction,
+    which the builder emits from the arguments.
+    """
     return lambda context, builder, signature, arguments: instruction(builder, arguments)  # noqa: ARG005 - numba's
 
 
@@ -55,7 +61,9 @@ def bits_float(typingctx: Any, x: Any) -> Any:  # noqa: ARG001 - numba's signatu
 
 @intrinsic
 def select(typingctx: Any, condition: Any, a: Any, b: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """a if the condition holds, else b; both are evaluated, because a branch would prevent SIMD code of a loop."""
+    """a if the condition holds, else b; both are evaluated,
+    because a branch would prevent SIMD code of a loop.
+    """
     kind = types.float64 if types.float64 in (a, b) else types.int64
     return kind(types.boolean, kind, kind), _emits(lambda builder, found: builder.select(*found))
 
@@ -68,9 +76,11 @@ def fma(typingctx: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001 - numba'
 
 @intrinsic
 def for_simd(typingctx: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """Ask LLVM for good SIMD code of the function's loops: registers of 512 bits, and arrays that do not overlap.
+    """Ask LLVM for good SIMD code of the function's loops: registers of 512 bits,
+    and arrays that do not overlap.
 
-    By default LLVM uses registers of 256 bits on Intel's processors, which makes pure arithmetic 1.4 times slower.
+    By default LLVM uses registers of 256 bits on Intel's processors, which makes pure arithmetic
+    1.4 times slower.
     """
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
@@ -84,7 +94,9 @@ def for_simd(typingctx: Any) -> Any:  # noqa: ARG001 - numba's signature
 
 
 def place(context: Any, builder: Any, kind: Any, array: Any, *indices: Any, lanes: int = 1) -> Any:
-    """The address of an element of an array, or of the vector of `lanes` elements that begins with it."""
+    """The address of an element of an array, or of the vector of `lanes` elements that begins with
+    it.
+    """
     found = cgutils.get_item_pointer(
         context, builder, kind, make_array(kind)(context, builder, array), indices
     )
@@ -94,7 +106,9 @@ def place(context: Any, builder: Any, kind: Any, array: Any, *indices: Any, lane
 
 @intrinsic
 def part(typingctx: Any, array: Any, first: Any, lane: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """A view of an array (N, m, M) from [first, 0, lane] on with the same strides; a row continues into the next."""
+    """A view of an array (N, m, M) from [first, 0, lane] on with the same strides;
+    a row continues into the next.
+    """
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         kind, (whole, first, lane) = signature.return_type, arguments
@@ -122,11 +136,12 @@ def prefetch(typingctx: Any, array: Any, n: Any, j: Any, k: Any) -> Any:  # noqa
 
 
 def _on_rows(rows: int, emit: Callable[..., Any], whole: bool = False) -> Any:
-    """Make an intrinsic f(count, (array, indices, …, number, …)) that loops over `count` elements of `rows` array rows.
+    """Make an intrinsic f(count, (array, indices, …, number, …))
+    that loops over `count` elements of `rows` array rows.
 
-    Each row begins at the given indices of its array. `emit` gets the addresses of one element of each row. If `whole`,
-    `emit` is called once, with the addresses of the first elements and the count. A loop of numba's own would take a
-    tenth of a second longer to compile.
+    Each row begins at the given indices of its array. `emit` gets the addresses of one element of
+    each row. If `whole`, `emit` is called once, with the addresses of the first elements and the
+    count. A loop of numba's own would take a tenth of a second longer to compile.
     """
 
     @intrinsic
@@ -161,20 +176,24 @@ def _raise(builder: Any, u: Any, v: Any, threshold: Any, value: Any) -> None:
     builder.store(builder.select(reached, value, builder.load(v)), v)
 
 
-# Copy a row to another; set all bits of a row to those of 0 or −1; set a row to a number; multiply a row by a number.
+# Copy a row to another; set all bits of a row to those of 0 or −1; set a row to a number; multiply
+# a row by a number.
 copy_row = _on_rows(2, lambda builder, a, b, count: cgutils.raw_memcpy(builder, b, a, count, 8), whole=True)
 set_bits = _on_rows(1, lambda builder, a, count, bits: cgutils.memset(
     builder, a, builder.mul(count, _INT(8)), builder.trunc(bits, _BYTE)), whole=True)  # fmt: skip
 set_row = _on_rows(1, lambda builder, target, value: builder.store(value, target))
 scale_row = _on_rows(1, lambda builder, x, factor: builder.store(builder.fmul(builder.load(x), factor), x))
-# Replace a row of increments and one of normals by the increments over the first and over the second halves of steps.
+# Replace a row of increments and one of normals by the increments over the first and over the
+# second halves of steps.
 halve_rows = _on_rows(2, _halve)
 # Set the elements of a row v to a value where the elements of a row u are at least a threshold.
 raise_row = _on_rows(2, _raise)
 
 
 def _vectors(context: Any, builder: Any, kind: Any, array: Any, lanes: int) -> Iterator[tuple[int, Any]]:
-    """Loop over the last axis of an array (n, m, L), `lanes` at a time, then singly; yield a group's size and start."""
+    """Loop over the last axis of an array (n, m, L), `lanes` at a time, then singly;
+    yield a group's size and start.
+    """
     width = cgutils.unpack_tuple(builder, make_array(kind)(context, builder, array).shape)[2]
     whole = builder.and_(width, _INT(-lanes))
     for size, first, last in ((lanes, _INT(0), whole), (1, whole, width)):
@@ -184,7 +203,9 @@ def _vectors(context: Any, builder: Any, kind: Any, array: Any, lanes: int) -> I
 
 @intrinsic
 def add_rows(typingctx: Any, rows: Any, count: Any, j: Any, W: Any, b: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """Add rows[i, j] for all i < `count` to W[b, j]; the sums of TOGETHER lanes at a time stay in registers."""
+    """Add rows[i, j] for all i < `count` to W[b, j]; the sums of TOGETHER lanes at a time stay in
+    registers.
+    """
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         rows, count, j, W, b = arguments
@@ -202,12 +223,16 @@ def add_rows(typingctx: Any, rows: Any, count: Any, j: Any, W: Any, b: Any) -> A
 
 
 def _mixed(builder: Any, a: Any, b: Any, order: Sequence[int]) -> Any:
-    """The vector of the elements `order` of two vectors, whose elements are numbered from a's first to b's last."""
+    """The vector of the elements `order` of two vectors,
+    whose elements are numbered from a's first to b's last.
+    """
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), len(order)), list(order)))
 
 
 def _drawn(builder: Any, words: Sequence[Any]) -> Any:
-    """Draw 64 bits from SFC64, or a vector of such draws; the state (a, b, c, counter) is at the addresses `words`."""
+    """Draw 64 bits from SFC64, or a vector of such draws; the state (a, b, c, counter)
+    is at the addresses `words`.
+    """
     a, b, c, counter = (builder.load(word, align=8) for word in words)
     bits, out = a.type, builder.add(builder.add(a, b), counter)
     turned = builder.or_(builder.shl(c, bits(24)), builder.lshr(c, bits(40)))
@@ -220,13 +245,17 @@ def _drawn(builder: Any, words: Sequence[Any]) -> Any:
 
 
 def _words(context: Any, builder: Any, kind: Any, rng: Any, s: Any, k: Any, lanes: int = 1) -> list[Any]:
-    """The addresses of the four state words of stream s of rng (streams, 4, L), for `lanes` lanes from k on."""
+    """The addresses of the four state words of stream s of rng (streams, 4, L),
+    for `lanes` lanes from k on.
+    """
     return [place(context, builder, kind, rng, s, _INT(i), k, lanes=lanes) for i in range(4)]
 
 
 @intrinsic
 def mix(typingctx: Any, rng: Any, s: Any, rounds: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """Draw `rounds` times from stream s of all lanes, to mix its state; two registers at a time hide the latency."""
+    """Draw `rounds` times from stream s of all lanes, to mix its state;
+    two registers at a time hide the latency.
+    """
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         rng, s, rounds = arguments
@@ -254,10 +283,12 @@ def draw(typingctx: Any, rng: Any, s: Any, k: Any) -> Any:  # noqa: ARG001 - num
 
 @intrinsic
 def eight_normals(typingctx: Any, rng: Any, s: Any, k: Any, table: Any, out: Any, i: Any, j: Any) -> Any:  # noqa: ARG001 - numba's
-    """Draw normals for eight lanes from lane k on by the ziggurat's first test; return a bit for each lane that fails.
+    """Draw normals for eight lanes from lane k on by the ziggurat's first test;
+    return a bit for each lane that fails.
 
-    A lane (path) of out[i, j] gets its normal or, if it fails the test, the 64 bits drawn from stream s. The width and
-    the limit of a layer in `table` are loaded together, because separate loads of the two would take twice as long.
+    A lane (path) of out[i, j] gets its normal or, if it fails the test, the 64 bits drawn from
+    stream s. The width and the limit of a layer in `table` are loaded together, because separate
+    loads of the two would take twice as long.
     """
     bits, doubles = ir.VectorType(_INT, 8), ir.VectorType(_DOUBLE, 8)
 
@@ -314,7 +345,8 @@ def sincos(x: float) -> tuple[float, float]:
     quadrant = float_bits(shifted)
     reduced = (x - k * _PART_1) - k * _PART_2
     r = reduced - k * _PART_3
-    # The rounding error of r. Without it, results for all x of a binade and quadrant have a bias of 1/10 of a rounding.
+    # The rounding error of r. Without it, results for all x of a binade and quadrant have a bias of
+    # 1/10 of a rounding.
     low = (reduced - r) - k * _PART_3
     r = select(abs(x) <= _LARGEST_ANGLE, r, np.nan)
     z = r * r
@@ -344,7 +376,9 @@ def cosine(x: float) -> float:
 
 @_inline
 def sinc(x: float) -> tuple[float, float]:
-    """sin(x)/x and its derivative, which has only a few digits for small x, enough for Newton's matrix."""
+    """sin(x)/x and its derivative, which has only a few digits for small x,
+    enough for Newton's matrix.
+    """
     sine, cos = sincos(x)
     flat = abs(x) < 1e-3
     safe = select(flat, 1.0, x)
@@ -358,7 +392,9 @@ def sinc(x: float) -> tuple[float, float]:
 
 @_inline
 def logarithm(x: float) -> float:
-    """The logarithm ln x within 1 ulp for normal numbers x > 0; NaN for x ≤ 0 and for x not finite."""
+    """The logarithm ln x within 1 ulp for normal numbers x > 0; NaN for x ≤ 0 and for x not
+    finite.
+    """
     bits = float_bits(x)
     # 0x3fe6a09e667f3bcd is √½: the mantissa is reduced to [√½, √2).
     high = bits - 0x3FE6A09E667F3BCD
@@ -382,9 +418,12 @@ def logarithm(x: float) -> float:
 
 @_inline
 def log1p_ratio(x: float) -> tuple[float, float]:
-    """log1p(x)/x for x > −1 (1 for x = 0), and its derivative −∫₀¹τ/(1 + τx)²dτ by three Gauss nodes."""
+    """log1p(x)/x for x > −1 (1 for x = 0), and its derivative −∫₀¹τ/(1 + τx)²dτ by three Gauss
+    nodes.
+    """
     u = 1.0 + x
-    # ln(1 + x) = ln u + (x − (u − 1))/u to first order in the rounding of u = 1 + x; if u = 1, this is x.
+    # ln(1 + x) = ln u + (x − (u − 1))/u to first order in the rounding of u = 1 + x; if u = 1, this
+    # is x.
     correction = (x - (u - 1.0)) / u
     safe = select(x == 0.0, 1.0, x)
     value = select(x == 0.0, 1.0, (logarithm(u) + correction) / safe)
@@ -401,7 +440,9 @@ def log1p_ratio(x: float) -> tuple[float, float]:
 
 @_inline
 def expm1_ratio(x: float) -> tuple[float, float]:
-    """expm1(x)/x (1 for x = 0) and its derivative, which has few digits for small x, enough for Newton's matrix."""
+    """expm1(x)/x (1 for x = 0) and its derivative, which has few digits for small x,
+    enough for Newton's matrix.
+    """
     flat = abs(x) < 1e-3
     safe = select(x == 0.0, 1.0, x)
     value = select(x == 0.0, 1.0, math.expm1(x) / safe)

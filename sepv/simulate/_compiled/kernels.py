@@ -1,9 +1,11 @@
-"""The kernels of the compiled engine: loops over steps, lanes (paths of a block) and iterations, as ordinary functions.
+"""The kernels of the compiled engine: loops over steps, lanes (paths of a block) and iterations,
+as ordinary functions.
 
-A generated module (`sepv.simulate._compiled.layout`) compiles these functions by `compiled`, with its own values for
-the names at the top of this file: the sizes of a problem, and pieces of straight-line code (module `llvm`) printed from
-the problem's records. The state of a block is in one scratch buffer S at fixed offsets, its integers in I. The result
-of a lane never depends on other lanes.
+A generated module (`sepv.simulate._compiled.layout`) compiles these functions by `compiled`, with
+its own values for the names at the top of this file: the sizes of a problem, and pieces of
+straight-line code (module `llvm`) printed from the problem's records. The state of a block is in
+one scratch buffer S at fixed offsets, its integers in I. The result of a lane never depends on
+other lanes.
 """
 
 from __future__ import annotations
@@ -17,13 +19,15 @@ from numba import njit
 from sepv.simulate._compiled.functions import for_simd, prefetch
 from sepv.simulate._compiled.signatures import OPTIONS, call_left_over
 
-# A line number beyond the end of every file. (Lines of another function make Python 3.13 raise TokenError.)
+# A line number beyond the end of every file. (Lines of another function make Python 3.13 raise
+# TokenError.)
 BEYOND = 10**6
 # Placeholders for names that a generated module defines; the values here are never used.
 _made: Any = None
 # The number of lanes in a block, and in a group of lanes that continue together.
 L = GROUP = 0
-# For `iterated`: the first loop's passes (each for one or two lanes) and iterations; the most further iterations.
+# For `iterated`: the first loop's passes (each for one or two lanes) and iterations; the most
+# further iterations.
 TOGETHER = STEPS = FAST = 0
 # Offsets in I, the integers of a block.
 BUSY = ALIVE = STATUS = EVALUATIONS = STRUCTURES = LIVING = WORK = 0
@@ -34,17 +38,20 @@ COUNTS = FIRSTS = NODES = _made
 # For a projection: numbers of evaluations in the first iterations, and in each further iteration.
 FIRST_GRADIENTS = FIRST_STRUCTURES = AVERAGES = 0
 loaded = loaded_node = _made
-# Pieces f(S, I, buffer, n, k, first, h, bound, q) for lane k in step n; each returns a number that is added up.
+# Pieces f(S, I, buffer, n, k, first, h, bound, q) for lane k in step n; each returns a number that
+# is added up.
 first_steps = iteration = blind = check = clear = add_node = quick = masked = invariants = _made
 
 
 def compiled(
     function: Callable[..., Any], names: dict[str, Any], signature: Any = None, inline: bool = False
 ) -> Any:
-    """Compile a copy of a function in which global names have the values in `names`, a generated module's globals.
+    """Compile a copy of a function in which global names have the values in `names`,
+    a generated module's globals.
 
-    With a signature it is compiled at once, else at its first call. Compiled code is cached beside the module's file.
-    That file has none of the copy's lines: numba looks for them there, and finds nothing BEYOND its end.
+    With a signature it is compiled at once, else at its first call. Compiled code is cached beside
+    the module's file. That file has none of the copy's lines: numba looks for them there, and finds
+    nothing BEYOND its end.
     """
     code = function.__code__
     code = code.replace(co_filename=names["__file__"], co_firstlineno=BEYOND + code.co_firstlineno)
@@ -60,14 +67,18 @@ def start(S: Any, I: Any, buffer: Any, P: Any) -> None:
 
 
 def ahead(buffer: Any, n: int) -> None:
-    """Prefetch the increments of step n + 2, because the cache lines of given increments are far apart."""
+    """Prefetch the increments of step n + 2, because the cache lines of given increments are far
+    apart.
+    """
     for j in range(buffer.shape[1]):
         for k in range(0, L, 8):
             prefetch(buffer, n + 2, j, k)
 
 
 def any_marked(I: Any, group: int, mark: int) -> bool:
-    """True if BUSY has the bit `mark` (1, 2 or 4) in some lane of the group that begins with lane `group`."""
+    """True if BUSY has the bit `mark` (1, 2 or 4) in some lane of the group that begins with lane
+    `group`.
+    """
     for_simd()
     found = 0
     for k in range(group, group + GROUP):
@@ -80,7 +91,8 @@ def moved(
 ) -> bool:
     """End a step of all lanes: set the new states, statuses and defects of invariants.
 
-    trouble : the number of lanes whose step may have failed; if it is 0 and all L paths live, no lane needs a mask
+    trouble : the number of lanes whose step may have failed; if it is 0 and all L paths live, no
+    lane needs a mask
 
     Return True if the path of at least one lane has not failed.
     """
@@ -97,7 +109,9 @@ def moved(
 
 
 def solved(S: Any, I: Any, buffer: Any, n: int, left_over: int) -> int:
-    """Solve the step of every busy lane (path) by a call of Python (`sepv.core`); return the number of busy lanes."""
+    """Solve the step of every busy lane (path) by a call of Python (`sepv.core`);
+    return the number of busy lanes.
+    """
     trouble = 0
     for k in range(L):
         trouble += 1 if I[BUSY + k] != 0 else 0
@@ -109,7 +123,9 @@ def solved(S: Any, I: Any, buffer: Any, n: int, left_over: int) -> int:
 def explicit(
     S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, left_over: int,  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """Take `count` steps of an explicit scheme, and test that states are finite; return 1 if all paths failed."""
+    """Take `count` steps of an explicit scheme, and test that states are finite;
+    return 1 if all paths failed.
+    """
     for_simd()
     q = loaded(P)
     for n in range(count):
@@ -125,10 +141,12 @@ def explicit(
 def iterated(
     S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, left_over: int
 ) -> int:
-    """Take `count` steps, in lockstep, by Newton's iteration or that of a projection; return 1 if all paths failed.
+    """Take `count` steps, in lockstep, by Newton's iteration or that of a projection;
+    return 1 if all paths failed.
 
-    The first iterations are one piece of code for all lanes; lanes not done after them continue in groups. `sepv.core`
-    solves lanes that are not done after FAST further iterations. BUSY is 1 in a lane (path) that continues, else 0.
+    The first iterations are one piece of code for all lanes; lanes not done after them continue in
+    groups. `sepv.core` solves lanes that are not done after FAST further iterations. BUSY is 1 in a
+    lane (path) that continues, else 0.
     """
     for_simd()
     q = loaded(P)
@@ -160,10 +178,12 @@ def iterated(
 def staged(  # noqa: PLR0912 - in one piece, as the method reads
     S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, left_over: int
 ) -> int:
-    """Take `count` steps of an s-stage method by fixed-point sweeps, with finer quadrature rules if needed.
+    """Take `count` steps of an s-stage method by fixed-point sweeps,
+    with finer quadrature rules if needed.
 
-    BUSY is 1 in a lane (path) that sweeps, 4 in a lane whose result is to be checked, 0 in a lane that is done, and 2
-    in a lane that Newton's iteration (`sepv.core`) is to solve. Return 1 if all paths failed.
+    BUSY is 1 in a lane (path) that sweeps, 4 in a lane whose result is to be checked, 0 in a lane
+    that is done, and 2 in a lane that Newton's iteration (`sepv.core`) is to solve. Return 1 if all
+    paths failed.
     """
     for_simd()
     q = loaded(P)
@@ -202,7 +222,9 @@ def staged(  # noqa: PLR0912 - in one piece, as the method reads
 
 
 def sums(S: Any, I: Any, buffer: Any, group: int, rule: int, q: Any) -> None:
-    """Average ∇H by a quadrature rule, G_i = Σ_n W_in ∇H(u_n), in a group of lanes; do nothing if nodes are stages."""
+    """Average ∇H by a quadrature rule, G_i = Σ_n W_in ∇H(u_n), in a group of lanes;
+    do nothing if nodes are stages.
+    """
     for_simd()
     if STRAIGHT:
         return

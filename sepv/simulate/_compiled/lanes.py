@@ -1,7 +1,9 @@
-"""Normals and Wiener increments of a block of paths side by side: each lane (path) has its own streams of SFC64.
+"""Normals and Wiener increments of a block of paths side by side: each lane (path)
+has its own streams of SFC64.
 
-The streams, their order and the ziggurat are numpy's (`Generator(SFC64).standard_normal`), so that the numbers are
-those of `sepv.simulate._wiener` to the bit. This file needs numba; `sepv.simulate._compiled.store` loads it.
+The streams, their order and the ziggurat are numpy's (`Generator(SFC64).standard_normal`), so that
+the numbers are those of `sepv.simulate._wiener` to the bit. This file needs numba;
+`sepv.simulate._compiled.store` loads it.
 """
 
 from __future__ import annotations
@@ -28,9 +30,11 @@ from sepv.simulate._compiled.functions import (
 from sepv.simulate._compiled.signatures import BEGIN, FILL, NORMALS, OPTIONS, ZIGGURAT, address, call_normals
 from sepv.simulate._wiener import MIXING, STREAMS
 
-# The most levels that `fill` halves together, 64 steps: only the driver's pieces of single paths are so long.
+# The most levels that `fill` halves together, 64 steps: only the driver's pieces of single paths
+# are so long.
 TOGETHER = 6
-# Inlined before types are inferred, so that numba compiles only the functions that are called by their address.
+# Inlined before types are inferred, so that numba compiles only the functions that are called by
+# their address.
 _inline: Any = njit(error_model="numpy", inline="always")
 # The width and the limit of each layer of the ziggurat; the limits are integers below 2⁵².
 _LAYERS = np.array([wi_double, ki_double], dtype=np.float64).T.copy()
@@ -47,7 +51,9 @@ def _uniform(rng: Any, s: int, k: int) -> float:
 
 @_inline
 def _first(r: Any) -> Any:
-    """The normal that the ziggurat makes of the 64 bits r, and True if it is accepted without further draws."""
+    """The normal that the ziggurat makes of the 64 bits r,
+    and True if it is accepted without further draws.
+    """
     layer = r & np.uint64(0xFF)
     size = float((r >> np.uint64(9)) & _MANTISSA)
     x = size * _LAYERS[layer, 0]
@@ -56,7 +62,9 @@ def _first(r: Any) -> Any:
 
 @njit(ZIGGURAT, **OPTIONS)
 def _ziggurat(rng: Any, s: int, k: int, r: Any) -> float:
-    """Continue the ziggurat of lane k from the draw r of stream s until it accepts a standard normal."""
+    """Continue the ziggurat of lane k from the draw r of stream s until it accepts a standard
+    normal.
+    """
     while True:
         x, done = _first(r)
         if done:
@@ -77,7 +85,8 @@ def _ziggurat(rng: Any, s: int, k: int, r: Any) -> float:
 
 @njit(NORMALS, **OPTIONS)
 def normals(rng: Any, s: int, out: Any, first: int, apart: int, count: int) -> None:
-    """Draw standard normals from stream s of rng (streams, 4, L), for each of L lanes (paths) and each noise.
+    """Draw standard normals from stream s of rng (streams, 4, L), for each of L lanes (paths)
+    and each noise.
 
     The normals fill the `count` rows first, first + apart, and so on of out (n, m, L).
     """
@@ -93,7 +102,8 @@ def normals(rng: Any, s: int, out: Any, first: int, apart: int, count: int) -> N
     for i in range(first, first + apart * count, apart):
         for j in range(noises):
             for block in range(0, lanes, 64):
-                # Bits mark the lanes that need more draws (one lane in 67). A branch for each lane would cost more.
+                # Bits mark the lanes that need more draws (one lane in 67). A branch for each lane
+                # would cost more.
                 bits = np.uint64(0)
                 for k in range(block, block + 64, 8):
                     bits |= eight_normals(rng, s, k, _LAYERS, out, i, j) << np.uint64(k - block)
@@ -109,9 +119,9 @@ def fill(
 ) -> None:  # fmt: skip
     """Write increments of the steps first … first + count − 1 of a block into out (count, m, L).
 
-    drawing : the address of `normals`
-    An increment is halved into two. `stack` (streams, m, L) keeps the right halves for later steps. `top` (n, m, L) has
-    the coarse increments, which `above` earlier halvings have made; if n = 0, they are drawn here.
+    drawing : the address of `normals` An increment is halved into two. `stack` (streams, m, L)
+    keeps the right halves for later steps. `top` (n, m, L) has the coarse increments, which `above`
+    earlier halvings have made; if n = 0, they are drawn here.
     """
     for_simd()
     fine = select(rng.shape[0] == 0, 0, rng.shape[0] - 1)  # without noise there are no streams
@@ -127,14 +137,16 @@ def fill(
         while level > 0 and n & 1 == 0:
             level -= 1
             n >>= 1
-        # n is now the number of an increment of this level; if n is odd, the increment is already on the stack.
+        # n is now the number of an increment of this level; if n is odd, the increment is already
+        # on the stack.
         if level > 0:
             copy_row(width, (stack, (level, 0, 0), out, (i, 0, 0)))
         elif top.shape[0]:
             copy_row(width, (top, (n, 0, 0), out, (i, 0, 0)))
         else:
             scale_row(width, (out, (i, 0, 0), factors[0]))
-        # The last levels are halved together if all their steps are written; all their normals are drawn in one go.
+        # The last levels are halved together if all their steps are written; all their normals are
+        # drawn in one go.
         together = below if level <= fine - below and i + (1 << below) <= count else 0
         groups = (count - i) >> below if together > 0 and i >= drawn else 0
         drawn = select(groups > 0, i + (groups << below), drawn)
@@ -156,12 +168,14 @@ def fill(
 def begin(
     drawing: int, rng: Any, top: Any, words: Any, path: int, factors: Any, base: int, halvings: int
 ) -> None:
-    """Set up the streams rng (streams, 4, L) and the coarse increments of a block of L paths, numbered from `path` on.
+    """Set up the streams rng (streams, 4, L) and the coarse increments of a block of L paths,
+    numbered from `path` on.
 
-    The coarse increments are top (n, m, L), n = base·2^halvings or 0: `base` increments, halved `halvings` times.
+    The coarse increments are top (n, m, L), n = base·2^halvings or 0: `base` increments, halved
+    `halvings` times.
 
-    drawing : the address of `normals`
-    words : (streams, 3), the state words of the streams of path 0 (`sepv.simulate._wiener.stream_words`)
+    drawing : the address of `normals` words : (streams, 3), the state words of the streams of path
+    0 (`sepv.simulate._wiener.stream_words`)
     """
     for_simd()
     for s in range(rng.shape[0]):

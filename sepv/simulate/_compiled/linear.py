@@ -1,4 +1,6 @@
-"""Straight-line code of a step of Newton's iteration: the small linear system, the correction and its size."""
+"""Straight-line code of a step of Newton's iteration: the small linear system,
+the correction and its size.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +19,17 @@ CRAMER = 3
 def correct(
     code: CodeBuilder, F: Sequence[Expression], A: Table, z: Sequence[str], near: str | None = None
 ) -> tuple[list[str], str | None]:
-    """Write code of z − A⁻¹F, and of 1/det A if Cramer's rule is used; m in it is the correction's size Σ|A⁻¹F|_i.
+    """Write code of z − A⁻¹F, and of 1/det A if Cramer's rule is used;
+    m in it is the correction's size Σ|A⁻¹F|_i.
 
-    `near` is 1/det of a matrix near A. If it is given, a Newton step for the reciprocal replaces the division, the
-    slowest operation, and squares the relative error of `near`. If `near` is from before a correction of size m, the
-    next correction has a relative error O(m²), as in Newton's iteration itself.
+    `near` is 1/det of a matrix near A. If it is given, a Newton step for the reciprocal replaces
+    the division, the slowest operation, and squares the relative error of `near`. If `near` is from
+    before a correction of size m, the next correction has a relative error O(m²), as in Newton's
+    iteration itself.
 
-    For sensible steps A = 1 − ∂R/∂z is near 1, and Newton's iteration computes the next residual afresh. A bad pivot
-    therefore costs iterations or leads to a lane (path) that does not converge, but not to a wrong result.
+    For sensible steps A = 1 − ∂R/∂z is near 1, and Newton's iteration computes the next residual
+    afresh. A bad pivot therefore costs iterations or leads to a lane (path) that does not converge,
+    but not to a wrong result.
     """
     before = [None if v == "0.0" else v for v in z]
     if len(F) > CRAMER:
@@ -46,9 +51,11 @@ def magnitude(c: Sequence[str], opened: str = "") -> str:
 
 
 def contraction(code: CodeBuilder, A: Table) -> str:
-    """Write a test that a sweep z ← R(z) at least halves the error: ‖K‖ ≤ ½ in the Frobenius norm for K = 1 − A.
+    """Write a test that a sweep z ← R(z) at least halves the error:
+    ‖K‖ ≤ ½ in the Frobenius norm for K = 1 − A.
 
-    The equation z = R(z) then has one solution near zero (Banach). Newton's iteration finds it from the sweeps' result.
+    The equation z = R(z) then has one solution near zero (Banach). Newton's iteration finds it from
+    the sweeps' result.
     """
     K = [
         v if i != j else None if v == "(1.0)" else code.let(f"1.0 - {shown(v)}")

@@ -1,12 +1,15 @@
-"""Straight-line code of a lane (a path of a block), compiled from text to LLVM instructions as one operation of numba.
+"""Straight-line code of a lane (a path of a block), compiled from text to LLVM instructions as one
+operation of numba.
 
-For numba a piece of code is one call, which becomes exactly the instructions of the piece's lines, in their order. The
-loops around a piece are ordinary functions (`kernels`), and still become SIMD code. Kernels printed as a whole for
-numba would not be faster, and would start later: numba's type inference needs seconds for a thousand statements.
+For numba a piece of code is one call, which becomes exactly the instructions of the piece's lines,
+in their order. The loops around a piece are ordinary functions (`kernels`), and still become SIMD
+code. Kernels printed as a whole for numba would not be faster, and would start later: numba's type
+inference needs seconds for a thousand statements.
 
-Only straight-line code is printed: R and K = ∂R/∂z of an equation z = R, a correction and its test. The lines of two
-lanes may be interleaved. Lines are assignments of +, −, ×, ÷, comparisons, &, |, `fma`, `select`, `not_`, `abs`,
-elements of arrays and functions of numbers. This module needs numba.
+Only straight-line code is printed: R and K = ∂R/∂z of an equation z = R, a correction and its test.
+The lines of two lanes may be interleaved. Lines are assignments of +, −, ×, ÷, comparisons, &, |,
+`fma`, `select`, `not_`, `abs`, elements of arrays and functions of numbers. This module needs
+numba.
 """
 
 from __future__ import annotations
@@ -28,7 +31,9 @@ _COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: 
 
 
 class _Lines:
-    """An emitter of instructions; `names` has values, numbers and functions, `arrays` has pointers with strides."""
+    """An emitter of instructions; `names` has values, numbers and functions,
+    `arrays` has pointers with strides.
+    """
 
     def __init__(
         self, context: Any, builder: Any, names: Mapping[str, Any], arrays: Mapping[str, Any]
@@ -37,7 +42,9 @@ class _Lines:
         self.names, self.arrays = dict(names), arrays
 
     def run(self, lines: Sequence[str], result: str) -> Any:
-        """Emit the instructions of the lines; return the total of what they add to the variable `result`."""
+        """Emit the instructions of the lines; return the total of what they add to the variable
+        `result`.
+        """
         total = ir.Constant(_INT, 0)
         for statement in ast.parse("\n".join(lines)).body:
             if isinstance(statement, ast.AugAssign):
@@ -135,7 +142,9 @@ class _Lines:
 
 
 def _array(context: Any, builder: Any, kind: Any, value: Any) -> tuple[Any, list[Any]]:
-    """The data pointer of a contiguous array, and its strides in elements, with None for the stride 1."""
+    """The data pointer of a contiguous array, and its strides in elements,
+    with None for the stride 1.
+    """
     if kind.layout != "C":
         raise TypeError(f"expected a contiguous array, received {kind}")
     found = context.make_array(kind)(context, builder, value)
@@ -166,9 +175,11 @@ def _codegen(lines: Sequence[str], result: str, arguments: Sequence[str], known:
 
 
 def lane_piece(lines: Sequence[str], result: str, known: Mapping[str, Any]) -> Callable[..., Any]:
-    """Make f(S, I, buffer, n, k, first, h, bound, q), which runs the lines for lane k in step n and returns `result`.
+    """Make f(S, I, buffer, n, k, first, h, bound, q), which runs the lines for lane k in step n and
+    returns `result`.
 
-    `known` has the numbers and functions that the lines use, and under PARAMETERS the names of the numbers in q.
+    `known` has the numbers and functions that the lines use, and under PARAMETERS the names of the
+    numbers in q.
     """
     code = _codegen(lines, result, ("S", "I", "buffer", "n", "k", "first", "h", "bound", "q"), known)
 
@@ -182,7 +193,9 @@ def lane_piece(lines: Sequence[str], result: str, known: Mapping[str, Any]) -> C
 
 
 def loaded(count: int) -> Callable[..., Any]:
-    """Make f(P), which returns the first `count` numbers of an array as a tuple, so that they stay in registers."""
+    """Make f(P), which returns the first `count` numbers of an array as a tuple,
+    so that they stay in registers.
+    """
 
     @intrinsic
     def piece(typingctx: Any, P: Any) -> Any:  # noqa: ARG001 - numba's signature

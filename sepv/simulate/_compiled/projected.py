@@ -1,4 +1,6 @@
-"""Code of the projected schemes (`sepv.schemes.projected`): explicit increments, projected to keep the invariants."""
+"""Code of the projected schemes (`sepv.schemes.projected`): explicit increments,
+projected to keep the invariants.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ class ProjectedWriter(Writer):
     kernel = "iterated"
 
     def pieces(self) -> dict[str, tuple[list[str], str]]:
-        """The kernel's code by name: the explicit step with a projection's first iterations, and one more iteration."""
+        """The kernel's code by name: the explicit step with a projection's first iterations,
+        and one more iteration.
+        """
         return {
             "first_steps": ([*self.random_step(), *self.first()], "left"),
             "iteration": (self.iteration(), "left"),
@@ -39,7 +43,9 @@ class ProjectedWriter(Writer):
         }  # fmt: skip
 
     def first(self) -> list[str]:
-        """Code of the explicit increment z*, of the projection's directions at y + z*, and of its first iterations."""
+        """Code of the explicit increment z*, of the projection's directions at y + z*,
+        and of its first iterations.
+        """
         code = CodeBuilder(self.parameters)
         y = self.loaded(code, "Y", "y")
         z = [shown(r) for r in self.problem.increment(code, self.formula.recorded, y, [], self.known)]
@@ -76,13 +82,17 @@ class ProjectedWriter(Writer):
         return [*code.lines, *end]
 
     def moved(self, code: CodeBuilder, y: list[str], z: list[str], found: list[Expression]) -> list[str]:
-        """Code of z minus the projection's correction along directions `found`; m in it is the correction's size."""
+        """Code of z minus the projection's correction along directions `found`;
+        m in it is the correction's size.
+        """
         c = [shown(v) for v in self.problem.moved_back(code, y, z, found)]
         code.lines.append(magnitude(c))
         return [code.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)]
 
     def ending(self, code: CodeBuilder, y: list[str], z: list[str], otherwise: str) -> list[str]:
-        """Code that sets BUSY: in busy lanes to 0 if done and in the domain, else to 1; in others to `otherwise`."""
+        """Code that sets BUSY: in busy lanes to 0 if done and in the domain, else to 1;
+        in others to `otherwise`.
+        """
         inside = self.problem.domain(code, [code.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)])
         return [
             "later = (m * m <= STOP_ERROR * (scale * before)) & (before < INF)",

@@ -1,4 +1,6 @@
-"""Code of a problem's functions for the compiled engine, printed from the recorded operations of each function."""
+"""Code of a problem's functions for the compiled engine,
+printed from the recorded operations of each function.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from sepv.record import symbol_array as array
 from sepv.schemes import Recorded
 from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table, shown
 
-# Recorded functions by name: the function to call in the code of a lane, and the value's place if a tuple is returned.
+# Recorded functions by name: the function to call in the code of a lane, and the value's place if a
+# tuple is returned.
 _CALLS: dict[str, tuple[str, int | None]] = {
     "sin": ("sincos", 0),
     "cos": ("sincos", 1),
@@ -30,14 +33,16 @@ _CALLS: dict[str, tuple[str, int | None]] = {
     "expm1_ratio": ("expm1_ratio", 0),
     "expm1_ratio_slope": ("expm1_ratio", 1),
 }
-# Relative errors of derivatives that only Newton's matrix uses; the other derivatives are exact up to rounding.
+# Relative errors of derivatives that only Newton's matrix uses; the other derivatives are exact up
+# to rounding.
 _RATES = {"sinc_slope": 2.0**-26, "log1p_ratio_slope": 2.0**-10, "expm1_ratio_slope": 2.0**-26}
 _EXACT = 2.0**-40
 _PRODUCTS = ("multiply", "whole")
 
 
 def emit(code: CodeBuilder, values: Mapping[int, Expression], outputs: Sequence[Symbol]) -> list[Expression]:
-    """Write code for the outputs of a record; `values` has the expressions of lines that are already known.
+    """Write code for the outputs of a record; `values` has the expressions of lines that are
+    already known.
 
     If a sum is the only user of a product, both are fused: a·b + c.
     """
@@ -47,7 +52,9 @@ def emit(code: CodeBuilder, values: Mapping[int, Expression], outputs: Sequence[
     expressions: dict[int, Expression] = {}
 
     def value(index: int) -> Expression:
-        """The expression of recorded line `index`; a product that is used only once is written where it is used."""
+        """The expression of recorded line `index`; a product that is used only once is written
+        where it is used.
+        """
         if index not in expressions:
             expressions[index] = code.product(*map(value, tape.lines[index].arguments))
         return expressions[index]
@@ -80,7 +87,9 @@ _Term = tuple[Symbol, tuple[Expression, Expression] | None]
 def _sum(
     code: CodeBuilder, name: str, left: _Term, right: _Term, value: Callable[[int], Expression]
 ) -> Expression:
-    """Code of the sum or difference of two terms (symbol, factors); a term has factors if it is a product to fuse."""
+    """Code of the sum or difference of two terms (symbol, factors);
+    a term has factors if it is a product to fuse.
+    """
     (a, first), (b, second) = left, right
     if second is not None:
         before = value(a.index)
@@ -123,7 +132,8 @@ _CONDITIONS = {
 
 
 class RecordedProblem(Recorded):
-    """The functions of a problem, written as code for given names of the components of y and of z = y1 − y.
+    """The functions of a problem, written as code for given names of the components of y and of
+    z = y1 − y.
 
     Raises
     ------
@@ -143,13 +153,17 @@ class RecordedProblem(Recorded):
 
     @property
     def convergence_rate(self) -> float:
-        """The relative error of Newton's matrix: the largest relative error of any recorded derivative."""
+        """The relative error of Newton's matrix: the largest relative error of any recorded
+        derivative.
+        """
         with suppress(NoClosedForm):  # a formula with the mean gradient has raised it already
             jacobian(self.mean.value, self.z)
         return max(_RATES.get(line.name, _EXACT) for line in self.tape.lines)
 
     def cost(self, formula: Formula, step: Sequence[str]) -> tuple[int, int]:
-        """The numbers of evaluations of ∇H, and of B (or h B + Σ c_jΔW_j G_j), in the formula's right side R."""
+        """The numbers of evaluations of ∇H, and of B (or h B + Σ c_jΔW_j G_j),
+        in the formula's right side R.
+        """
         equation = self.equation_of(formula, len(step))
         return equation.gradients, equation.structures
 
@@ -164,7 +178,9 @@ class RecordedProblem(Recorded):
         self, code: CodeBuilder, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str],
         middle: Sequence[str] = (),
     ) -> list[Expression]:  # fmt: skip
-        """Code of the residual F = z − R(y, z; step); `middle` is the midpoint ȳ = y + z/2 if already known."""
+        """Code of the residual F = z − R(y, z; step); `middle` is the midpoint ȳ = y + z/2 if
+        already known.
+        """
         equation, F = self.equation_of(formula, len(step)), self.system(formula, len(step))[0]
         inputs = [(self.y, y), (self.z, z), (equation.step, step), (self.middle, middle)]
         return printed(code, inputs, F)
@@ -214,7 +230,8 @@ class RecordedProblem(Recorded):
 
     @cached_property
     def directions(self) -> tuple[list[Symbol], list[Symbol], Any]:
-        """A projection's directions at y, symbols that stand for them, and the correction of z in these symbols.
+        """A projection's directions at y, symbols that stand for them,
+        and the correction of z in these symbols.
 
         See `sepv.schemes._projected` for the directions and the correction of z.
         """
@@ -239,7 +256,9 @@ class RecordedProblem(Recorded):
     def moved_back(
         self, code: CodeBuilder, y: Sequence[str], z: Sequence[str], known: Sequence[Expression]
     ) -> list[Expression]:
-        """Code of the correction of z along directions `known`, from the change of the invariants from y to y + z."""
+        """Code of the correction of z along directions `known`,
+        from the change of the invariants from y to y + z.
+        """
         _, symbols, correction = self.directions
         return printed(code, [(self.y, y), (self.z, z), (symbols, [shown(v) for v in known])], correction)
 
@@ -250,7 +269,9 @@ class RecordedProblem(Recorded):
 
 
 def printed(code: CodeBuilder, inputs: Sequence[tuple[Any, Sequence[str]]], outputs: Any) -> list[Expression]:
-    """Write code of recorded outputs; `inputs` are vectors of symbols with their names in the code ("0.0" for zero)."""
+    """Write code of recorded outputs; `inputs` are vectors of symbols with their names in the code
+    ("0.0" for zero).
+    """
     values = {
         x.index: None if name == "0.0" else name
         for vector, names in inputs

@@ -1,7 +1,8 @@
-"""The form of each scheme for the compiled engine: its recorded formula, or code for s-stage and projected methods.
+"""The form of each scheme for the compiled engine: its recorded formula,
+or code for s-stage and projected methods.
 
-Code of a scheme's equation z = R and of K = ∂R/∂z shares common parts, because equal expressions have one name
-(`sepv.simulate._compiled.code_builder`).
+Code of a scheme's equation z = R and of K = ∂R/∂z shares common parts, because equal expressions
+have one name (`sepv.simulate._compiled.code_builder`).
 """
 
 from __future__ import annotations
@@ -46,7 +47,9 @@ class Formula:
     projected: bool = False
 
     def names(self, noises: int) -> list[str]:
-        """The names, in the code of a lane (path), of the numbers of a step that the scheme uses, such as delta."""
+        """The names, in the code of a lane (path), of the numbers of a step that the scheme uses,
+        such as delta.
+        """
         return _NAMES.get(self.parts) or ["span", *(f"noise{j}" for j in range(noises))]
 
     def update(self, code: CodeBuilder, z: Sequence[str]) -> list[str]:
@@ -87,7 +90,9 @@ def middle(code: CodeBuilder, y: Sequence[str], z: Sequence[str]) -> list[str]:
 def scaled_field(
     code: CodeBuilder, problem: RecordedProblem, y: Sequence[str], delta: str = "(1.0)"
 ) -> list[Expression]:
-    """Code of Δ f(y), f = B∇H; if f has few monomials it is multiplied out, because only the product is needed."""
+    """Code of Δ f(y), f = B∇H; if f has few monomials it is multiplied out,
+    because only the product is needed.
+    """
     if problem.field is not None:
         return [code.polynomial(p, y, delta) for p in problem.field]
     return [
@@ -96,7 +101,9 @@ def scaled_field(
 
 
 def at(code: CodeBuilder, y: Sequence[str], z: Sequence[str], integrals: Any) -> list[str]:
-    """Code of the collocation polynomial u = y + Σ_j integrals_j z_j; z has the components of z_1, then of z_2, etc."""
+    """Code of the collocation polynomial u = y + Σ_j integrals_j z_j; z has the components of z_1,
+    then of z_2, etc.
+    """
     d = len(y)
     state = list(y)
     for j, weight in enumerate(integrals):
@@ -110,7 +117,8 @@ def at(code: CodeBuilder, y: Sequence[str], z: Sequence[str], integrals: Any) ->
 class Collocation(Formula):
     """The s-stage method: z_i = Δ B(Y_i) g_i with g_i = b_i⁻¹∫ℓ_i∇H(u), y1 = y0 + Σ b_i z_i.
 
-    If not `averaged`, this is the Gauss method, g_i = ∇H(Y_i). `recorded` is the formula of the method of one stage.
+    If not `averaged`, this is the Gauss method, g_i = ∇H(Y_i). `recorded` is the formula of the
+    method of one stage.
     """
 
     averaged: bool = True
@@ -119,7 +127,9 @@ class Collocation(Formula):
         self, code: CodeBuilder, problem: RecordedProblem, y: Sequence[str], z: Sequence[str], delta: str,
         averages: Sequence[Sequence[Expression]] | None,
     ) -> list[Expression]:  # fmt: skip
-        """Code of Δ B(Y_i) g_i, one stage after the other; `averages` has the g_i, or is None for g_i = ∇H(Y_i)."""
+        """Code of Δ B(Y_i) g_i, one stage after the other; `averages` has the g_i,
+        or is None for g_i = ∇H(Y_i).
+        """
         R: list[Expression] = []
         for i, row in enumerate(gauss_tableau(self.stages).A):
             Y = at(code, y, z, row)
@@ -155,9 +165,11 @@ FORMULAS: dict[str, Formula] = {
 
 
 def formula_of(scheme: Scheme) -> Formula | None:
-    """The `Formula` from which the compiled engine makes code of a scheme's step; None if it makes none.
+    """The `Formula` from which the compiled engine makes code of a scheme's step;
+    None if it makes none.
 
-    A scheme is recognised by its step, so that a copy with another function as its step has no `Formula`.
+    A scheme is recognised by its step, so that a copy with another function as its step has no
+    `Formula`.
     """
     rule = scheme.step
     if isinstance(rule, Explicit):

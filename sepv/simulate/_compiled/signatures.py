@@ -1,6 +1,7 @@
 """Types and calls of functions that are passed by address, so that their callers are compiled once.
 
-numba's own first-class functions are not used, because passing one takes 0.1 ms. This module needs numba.
+numba's own first-class functions are not used, because passing one takes 0.1 ms. This module needs
+numba.
 """
 
 from __future__ import annotations
@@ -14,20 +15,21 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
-# Options of compiled functions, which allocate no arrays (no references need be counted) and are called by address.
+# Options of compiled functions, which allocate no arrays (no references need be counted) and are
+# called by address.
 OPTIONS: Any = {
     "error_model": "numpy", "nogil": True, "cache": True, "_nrt": False,
     "no_cfunc_wrapper": True, "no_cpython_wrapper": True,
 }  # fmt: skip
 _vector, _matrix, _block = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
 _integers, _int, _float = types.int64[::1], types.int64, types.float64
-# advance(S, I, increments, count, first, h, bound, P, left_over): take `count` steps of a block; return 1 if all its
-# paths have failed. `left_over` is an address, see `call_left_over`.
+# advance(S, I, increments, count, first, h, bound, P, left_over): take `count` steps of a block;
+# return 1 if all its paths have failed. `left_over` is an address, see `call_left_over`.
 ADVANCE = _int(_vector, _integers, _block, _int, _int, _float, _float, _vector, _int)
 # start(S, I, increments, P): compute the invariants at the start of a block whose states are set.
 START = types.void(_vector, _integers, _block, _vector)
-# Functions of `sepv.simulate._compiled.lanes` and `sepv.simulate._compiled.driver`. Without signatures numba would
-# compile a function again if an argument is a constant.
+# Functions of `sepv.simulate._compiled.lanes` and `sepv.simulate._compiled.driver`. Without
+# signatures numba would compile a function again if an argument is a constant.
 _words = types.uint64[:, ::1]
 _streams, _stacks = types.uint64[:, :, :, ::1], types.float64[:, :, :, ::1]
 _states = types.uint64[:, :, ::1]
@@ -50,7 +52,9 @@ def address(function: Any) -> int:
 
 
 def calling(signature: Any) -> Callable[..., Any]:
-    """Make f(address, arguments), which calls the function at an address with a tuple of arguments."""
+    """Make f(address, arguments), which calls the function at an address with a tuple of
+    arguments.
+    """
 
     @intrinsic
     def call(_typingctx: Any, where: Any, arguments: Any) -> Any:
@@ -78,7 +82,8 @@ call_fill, call_normals = calling(FILL), calling(NORMALS)
 
 @intrinsic
 def call_left_over(typingctx: Any, where: Any, S: Any, I: Any, buffer: Any, n: Any) -> Any:  # noqa: ARG001 - numba's
-    """Call the C function at an address with four integers: the addresses of S, I, buffer[n], and buffer's row length.
+    """Call the C function at an address with four integers: the addresses of S, I, buffer[n],
+    and buffer's row length.
 
     The function is `Chunk._solve` of `sepv.simulate._compiled.block_run`.
     """

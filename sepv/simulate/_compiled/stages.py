@@ -1,12 +1,15 @@
-"""Code for the s-stage methods: fixed-point sweeps z ← R(z) for a block of lanes (paths) in lockstep.
+"""Code for the s-stage methods: fixed-point sweeps z ← R(z) for a block of lanes (paths)
+in lockstep.
 
-A sweep z_i ← Δ B(Y_i) g_i, with averages g_i of ∇H, costs evaluations and s² d products; a step of Newton's iteration
-eliminates s·d unknowns. Each sweep reduces the error by a factor of about Δ|f′|/4. With sensible steps Δ, all sweeps
-cost less than one elimination. A lane is done if its next correction, about m²/m_before after two of sizes m_before and
-m, is below rounding. If corrections do not shrink, `sepv.schemes.collocation` solves the step by Newton's iteration.
+A sweep z_i ← Δ B(Y_i) g_i, with averages g_i of ∇H, costs evaluations and s² d products; a step of
+Newton's iteration eliminates s·d unknowns. Each sweep reduces the error by a factor of about
+Δ|f′|/4. With sensible steps Δ, all sweeps cost less than one elimination. A lane is done if its
+next correction, about m²/m_before after two of sizes m_before and m, is below rounding. If
+corrections do not shrink, `sepv.schemes.collocation` solves the step by Newton's iteration.
 
-If H is no polynomial, a last sweep with 1½ times as many nodes must change z only by roundings. If even the finest rule
-fails this test, or if a point is outside the domain, `sepv.schemes.collocation` solves the step of the lane, too.
+If H is no polynomial, a last sweep with 1½ times as many nodes must change z only by roundings. If
+even the finest rule fails this test, or if a point is outside the domain,
+`sepv.schemes.collocation` solves the step of the lane, too.
 """
 
 from __future__ import annotations
@@ -22,8 +25,9 @@ from sepv.simulate._compiled.code_builder import CodeBuilder, shown
 from sepv.simulate._compiled.schemes import Collocation, at
 from sepv.simulate._compiled.writer import Writer
 
-# The sweeps before the first test (which costs half a sweep), and the most tested sweeps. A sweep of one lane costs as
-# much as a sweep of forty lanes of a block; Newton's iteration for one lane costs a hundred times as much.
+# The sweeps before the first test (which costs half a sweep), and the most tested sweeps. A sweep
+# of one lane costs as much as a sweep of forty lanes of a block; Newton's iteration for one lane
+# costs a hundred times as much.
 BLIND, TESTED = 8, 40
 FUSED = 2
 # The sizes of corrections must shrink by this factor in each sweep.
@@ -51,11 +55,15 @@ class StagesWriter(Writer):
 
     @property
     def straight(self) -> bool:
-        """True if the nodes of the quadrature are the stages, so that a sweep is one piece of code without sums."""
+        """True if the nodes of the quadrature are the stages,
+        so that a sweep is one piece of code without sums.
+        """
         return self.nodes == self.formula.stages
 
     def more_rows(self) -> dict[str, int]:
-        """Rows of the scratch buffer for averages g_i of ∇H, unless the quadrature nodes are the stages."""
+        """Rows of the scratch buffer for averages g_i of ∇H,
+        unless the quadrature nodes are the stages.
+        """
         return {} if self.straight else {"G": self.unknowns}
 
     kernel = "staged"
@@ -74,11 +82,15 @@ class StagesWriter(Writer):
 
     @property
     def checked(self) -> bool:
-        """True if converged lanes are tested once more, for the quadrature's error or points outside the domain."""
+        """True if converged lanes are tested once more,
+        for the quadrature's error or points outside the domain.
+        """
         return not self.exact or self.has_domain()
 
     def sums(self) -> tuple[list[str], list[str]]:
-        """Code that zeroes the averages G_i = Σ_n W_in ∇H(u_n), and code that adds one node; empty if `straight`."""
+        """Code that zeroes the averages G_i = Σ_n W_in ∇H(u_n), and code that adds one node;
+        empty if `straight`.
+        """
         if self.straight:
             return [], []
         code, s, d = CodeBuilder(self.parameters), self.formula.stages, self.d
@@ -104,7 +116,9 @@ class StagesWriter(Writer):
         return self.loaded(code, "Y", "y"), self.loaded(code, "Z", "z")
 
     def first(self) -> list[str]:
-        """Code of the first sweep from z = 0, in which all stages are y, so that B∇H is evaluated once."""
+        """Code of the first sweep from z = 0, in which all stages are y,
+        so that B∇H is evaluated once.
+        """
         code = CodeBuilder(self.parameters)
         y = self.loaded(code, "Y", "y")
         g = self.problem.gradient(code, y)
@@ -117,7 +131,9 @@ class StagesWriter(Writer):
         return code.lines
 
     def blind(self) -> list[str]:
-        """Code of the sweeps before the first test, which need no quadrature: ∇H at the stages is good enough."""
+        """Code of the sweeps before the first test, which need no quadrature:
+        ∇H at the stages is good enough.
+        """
         code = CodeBuilder(self.parameters)
         y, R = self.lane(code)
         for _ in range(FUSED if self.straight else 1):
@@ -149,7 +165,9 @@ class StagesWriter(Writer):
         return code.lines
 
     def check(self) -> list[str]:
-        """Code of a last sweep by a finer rule, and of a test that y1, the stages and the nodes are in the domain."""
+        """Code of a last sweep by a finer rule, and of a test that y1,
+        the stages and the nodes are in the domain.
+        """
         code = CodeBuilder(self.parameters)
         y, z = self.lane(code)
         R = self.sweep(code, y, z)
@@ -178,7 +196,9 @@ class StagesWriter(Writer):
         return code.lines
 
     def ladder(self) -> list[int]:
-        """The numbers of nodes of the quadrature rules; each is tried if the rule before was not accurate enough."""
+        """The numbers of nodes of the quadrature rules;
+        each is tried if the rule before was not accurate enough.
+        """
         found = [self.nodes]
         while not self.exact and 2 * found[-1] <= MAX_NODES:
             found.append(2 * found[-1])
@@ -203,11 +223,14 @@ class StagesWriter(Writer):
 
 
 def rules(stages: int, ladder: Sequence[int]) -> tuple[np.ndarray, np.ndarray, Array]:
-    """Quadrature rules of a generated module: for each N in `ladder` a rule of N nodes, and a finer one to compare.
+    """Quadrature rules of a generated module: for each N in `ladder` a rule of N nodes,
+    and a finer one to compare.
 
     counts, firsts : (2 R,), the number of nodes of each rule, and the number of its first node
-    nodes : (N, 2s), for each node its weights in the averages g_i, then the weights of the z_j in the state at the node
-        (`sepv.schemes._tableaux.moments`); a rule of s nodes has identity weights, so that g_i = ∇H at stage i
+    nodes : (N, 2s), for each node its weights in the averages g_i, then the weights of the z_j in
+    the state at the node
+        (`sepv.schemes._tableaux.moments`); a rule of s nodes has identity weights, so that g_i = ∇H
+        at stage i
     """
     counts = [n for nodes in ladder for n in (nodes, nodes + nodes // 2)]
     found = [moments(stages, n) for n in counts]

@@ -1,4 +1,6 @@
-"""Generated modules on disk: written once and imported by name; numba caches their compiled code beside them."""
+"""Generated modules on disk: written once and imported by name;
+numba caches their compiled code beside them.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,8 @@ def _machine() -> bytes:
 
 
 def linked(text: str) -> Iterator[ModuleType]:
-    """The modules of sepv whose code a source text runs: modules that it imports, and modules of functions in these.
+    """The modules of sepv whose code a source text runs: modules that it imports,
+    and modules of functions in these.
 
     Classes are not followed, because compiled code has only the numbers of an object.
     """
@@ -54,7 +57,8 @@ def linked(text: str) -> Iterator[ModuleType]:
     seen = set[str]()
     while open_:
         module = open_.pop()
-        # Packages are left out: their contents depend on earlier imports, and no linked function is defined in them.
+        # Packages are left out: their contents depend on earlier imports, and no linked function is
+        # defined in them.
         if module.__name__ in seen or not module.__name__.startswith("sepv.") or hasattr(module, "__path__"):
             continue
         seen.add(module.__name__)
@@ -81,7 +85,9 @@ def contents(module: ModuleType) -> Iterator[bytes]:
 
 
 def name_of(text: str) -> str:
-    """The name of the module with the source `text`; it changes with everything that its compiled code depends on."""
+    """The name of the module with the source `text`; it changes with everything that its compiled
+    code depends on.
+    """
     parts = [_machine(), text.encode()]
     for module in sorted(linked(text), key=lambda module: module.__name__):
         parts += contents(module)
@@ -92,17 +98,21 @@ def name_of(text: str) -> str:
 def ordinary(name: str) -> ModuleType:
     """The module `driver` or `lanes`, compiled, identified by its content and its linked code.
 
-    numba identifies compiled code by the module's file alone, so these two modules are stored like generated ones.
+    numba identifies compiled code by the module's file alone, so these two modules are stored like
+    generated ones.
     """
     return load((Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8"))
 
 
-# A module that a thread is still executing is already in sys.modules, where another thread would see it incomplete.
+# A module that a thread is still executing is already in sys.modules, where another thread would
+# see it incomplete.
 _LOADING = threading.RLock()
 
 
 def load(text: str) -> ModuleType:
-    """The module with the source `text`, compiled, or read from the cache if it was compiled before."""
+    """The module with the source `text`, compiled, or read from the cache if it was compiled
+    before.
+    """
     with _LOADING:
         return _loaded(text)
 
@@ -112,7 +122,8 @@ def _loaded(text: str) -> ModuleType:
     name = name_of(text)
     path = cache_folder("engine") / f"{name}.py"
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
-        # Written under another name and renamed, so that another process sees the whole file or none.
+        # Written under another name and renamed, so that another process sees the whole file or
+        # none.
         with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as out:
             out.write(text)
         os.replace(out.name, path)
@@ -124,7 +135,8 @@ def _loaded(text: str) -> ModuleType:
     try:
         spec.loader.exec_module(module)
     except Exception:
-        # The cached code is incomplete or for another machine, so it is removed and the module compiled again.
+        # The cached code is incomplete or for another machine, so it is removed and the module
+        # compiled again.
         for file in (path.parent / "__pycache__").glob(f"{name}*"):
             file.unlink(missing_ok=True)
         spec.loader.exec_module(module)

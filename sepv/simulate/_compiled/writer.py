@@ -1,7 +1,8 @@
 """The writer of a kernel, with the parts that the kernels of all schemes share.
 
-The loops are functions of `sepv.simulate._compiled.kernels`. A writer writes their work on a lane (a path of a block):
-straight-line code with selects, so that it becomes SIMD code. The state of a block is in one scratch buffer.
+The loops are functions of `sepv.simulate._compiled.kernels`. A writer writes their work on a lane
+(a path of a block): straight-line code with selects, so that it becomes SIMD code. The state of a
+block is in one scratch buffer.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ from sepv.simulate._compiled.schemes import Formula
 
 
 class Writer(ABC):
-    """A kernel under construction: `text` is the module's source, which reads the noise's c_j and then `parameters`."""
+    """A kernel under construction: `text` is the module's source,
+    which reads the noise's c_j and then `parameters`.
+    """
 
     imports = ""
     # The function of `sepv.simulate._compiled.kernels` that advances a block.
@@ -34,9 +37,10 @@ class Writer(ABC):
         self.unknowns = formula.stages * d
         self.offset = {}
         base = 0
-        # Rows: state, largest defects of energy and of Casimirs (in the order of `driver`), unknowns of the iteration,
-        # roundings of Kahan's sums, size of the last correction, energy at the start. Numbers that few lanes need are
-        # computed again, because a store takes as long as several operations.
+        # Rows: state, largest defects of energy and of Casimirs (in the order of `driver`),
+        # unknowns of the iteration, roundings of Kahan's sums, size of the last correction, energy
+        # at the start. Numbers that few lanes need are computed again, because a store takes as
+        # long as several operations.
         rows = {"Y": d, "WH": 1, "WC": 1, "Z": self.unknowns, "E": d if compensated else 0, "P": 1, "H": 1}
         for name, count in {**rows, **self.more_rows()}.items():
             self.offset[name] = base
@@ -50,7 +54,9 @@ class Writer(ABC):
         return f"S[{self.offset[name] + i * self.lanes} + k]"
 
     def loaded(self, code: CodeBuilder, row: str, names: str) -> list[str]:
-        """Write lines that load the components of a row under `names` with the numbers 0, 1, …; return these names."""
+        """Write lines that load the components of a row under `names` with the numbers 0, 1, …;
+        return these names.
+        """
         found = [f"{names}{i}" for i in range(self.unknowns if row == "Z" else self.d)]
         code.lines += [f"{v} = {self.at(row, i)}" for i, v in enumerate(found)]
         return found
@@ -72,7 +78,9 @@ class Writer(ABC):
 
     @abstractmethod
     def pieces(self) -> dict[str, tuple[list[str], str]]:
-        """For each piece named in `kernels`: the lines of code for a lane, and the variable that they add to."""
+        """For each piece named in `kernels`: the lines of code for a lane,
+        and the variable that they add to.
+        """
 
     def numbers(self) -> dict[str, Any]:
         """The constants that only this kind of kernel has."""
@@ -137,8 +145,9 @@ class Writer(ABC):
         z = self.formula.update(code, [self.at("Z", i) for i in range(self.unknowns)])
         for i in range(d):
             if self.compensated:
-                # The rounding of a sum is kept and added to the next increment: Kahan's summation with Knuth's
-                # two-sum, because a component near zero may be smaller than its increment.
+                # The rounding of a sum is kept and added to the next increment: Kahan's summation
+                # with Knuth's two-sum, because a component near zero may be smaller than its
+                # increment.
                 lost = self.at("E", i)
                 kept = f"select(ok, r{i}, {lost})" if masked else f"r{i}"
                 code.lines += [f"q{i} = {z[i]} + {lost}", f"y{i} = x{i} + q{i}", f"t{i} = y{i} - x{i}"]
@@ -166,7 +175,9 @@ class Writer(ABC):
 
 
 class ExplicitWriter(Writer):
-    """Writer of the kernel of an explicit scheme: the increment, and a test that the state is finite."""
+    """Writer of the kernel of an explicit scheme: the increment,
+    and a test that the state is finite.
+    """
 
     kernel = "explicit"
 

@@ -1,4 +1,6 @@
-"""Ensembles and long paths, in NumPy or with code compiled for a problem and a scheme (extra `fast`).
+"""Ensembles and long paths, in NumPy or with code compiled for a problem and a scheme (extra
+`fast`).
 
-Users call `ensemble` and `long_path`. `task` describes a chunk of paths; `collectors` run tasks and keep the results.
+Users call `ensemble` and `long_path`. `task` describes a chunk of paths; `collectors` run tasks and
+keep the results.
 """

@@ -1,4 +1,6 @@
-"""Collectors of an ensemble's chunks: they keep the ends of paths in memory or on disk, or only summaries of them."""
+"""Collectors of an ensemble's chunks: they keep the ends of paths in memory or on disk,
+or only summaries of them.
+"""
 
 from __future__ import annotations
 
@@ -25,12 +27,16 @@ PathProgress = Callable[[int, int], None] | None
 
 
 def run(task: Task) -> Ensemble:
-    """Run the chunk of a task: return the ends of its paths, and their states at the task's stops, in NumPy arrays."""
+    """Run the chunk of a task: return the ends of its paths, and their states at the task's stops,
+    in NumPy arrays.
+    """
     return fetched(run_there(task))
 
 
 def run_there(task: Task) -> Ensemble:
-    """Run the chunk of a task, and leave the arrays of its ends where the target has them: in a card's memory."""
+    """Run the chunk of a task, and leave the arrays of its ends where the target has them:
+    in a card's memory.
+    """
     problem = task.problem if isinstance(task.problem, Problem) else build(task.problem)
     target = TARGETS[task.engine]
     chunk = target.chunk(task, problem)
@@ -73,7 +79,9 @@ class Total(ABC):
 
 @dataclass(frozen=True)
 class Reducing:
-    """Compute a chunk and summaries of its functionals on the worker; without `keep`, drop the chunk's paths."""
+    """Compute a chunk and summaries of its functionals on the worker; without `keep`,
+    drop the chunk's paths.
+    """
 
     functionals: Functionals
     keep: bool
@@ -139,9 +147,11 @@ class InMemory(Total):
         self.there, self.done = np.zeros(task.count, dtype=bool), 0
 
     def fill(self, task: Task) -> Ensemble:
-        """Run a chunk on a thread of this process, copy its ends on this thread, and return its counts of work.
+        """Run a chunk on a thread of this process, copy its ends on this thread,
+        and return its counts of work.
 
-        If the one thread that collects copied them, it alone would wait for all pages of the ensemble's new arrays.
+        If the one thread that collects copied them, it alone would wait for all pages of the
+        ensemble's new arrays.
         """
         chunk = run(task)
         self._copy(task, chunk)
@@ -152,7 +162,9 @@ class InMemory(Total):
             getattr(self.ensemble, key)[..., task.first : task.first + task.count] = getattr(chunk, key)
 
     def take(self, _number: int, task: Task, chunk: Any) -> None:
-        """Receive a chunk, with its ends or, after `fill`, without. A chunk of all paths is kept without a copy."""
+        """Receive a chunk, with its ends or, after `fill`, without.
+        A chunk of all paths is kept without a copy.
+        """
         whole = self.ensemble
         if chunk.status.size == self.paths:
             self.ensemble = replace(
@@ -173,7 +185,9 @@ class InMemory(Total):
 
 
 class Reduced(Total):
-    """Merge the summaries of chunks in the order of chunks; a summary that comes early waits for the earlier chunks."""
+    """Merge the summaries of chunks in the order of chunks;
+    a summary that comes early waits for the earlier chunks.
+    """
 
     def __init__(
         self, task: Task, empty: Ensemble, progress: PathProgress, functionals: Functionals,
@@ -185,11 +199,15 @@ class Reduced(Total):
         self.early: dict[int, tuple[int, Ensemble, Mapping[str, Summary]]] = {}
 
     def take(self, number: int, task: Task, result: Any) -> bool:
-        """Receive a chunk's counts and summaries; return True once the target standard errors are reached."""
+        """Receive a chunk's counts and summaries; return True once the target standard errors are
+        reached.
+        """
         return self.add(number, task.count, *result)
 
     def add(self, number: int, paths: int, counts: Ensemble, summaries: Mapping[str, Summary]) -> bool:
-        """Add counts and summaries of chunk `number`; return True once the target standard errors are reached."""
+        """Add counts and summaries of chunk `number`; return True once the target standard errors
+        are reached.
+        """
         self.early[number] = (paths, counts, summaries)
         while self.next in self.early:
             paths, counts, summaries = self.early.pop(self.next)
@@ -208,7 +226,9 @@ class Reduced(Total):
 
 
 class OnDisk(Total):
-    """Collect the ends of paths in a store on disk, and summaries of functionals if there are any."""
+    """Collect the ends of paths in a store on disk, and summaries of functionals if there are
+    any.
+    """
 
     def __init__(
         self, task: Task, empty: Ensemble, progress: PathProgress, where: Any, size: int,
@@ -231,7 +251,9 @@ class OnDisk(Total):
         self.there, self.done = np.zeros(self.store.chunks, dtype=bool), 0
 
     def missing(self, numbers: range) -> Sequence[int]:
-        """The numbers of chunks not complete in the store; none if stored chunks reach the target standard errors."""
+        """The numbers of chunks not complete in the store;
+        none if stored chunks reach the target standard errors.
+        """
         for number in numbers:
             found = self.store.load(number)
             if found is not None and self._take(number, self._chunk(found)):
@@ -239,7 +261,9 @@ class OnDisk(Total):
         return [int(n) for n in np.flatnonzero(~self.there)]
 
     def _chunk(self, found: dict[str, Any]) -> Ensemble:
-        """Convert stored arrays to an ensemble; arrays without entries are not stored and are made anew."""
+        """Convert stored arrays to an ensemble; arrays without entries are not stored and are made
+        anew.
+        """
         M = found["status"].size
         absent: dict[str, Any] = {
             key: np.empty((*array.shape[:-1], M))
@@ -249,7 +273,9 @@ class OnDisk(Total):
         return replace(self.empty, **absent, **found)
 
     def take(self, number: int, _task: Task, result: Any) -> bool:
-        """Write a chunk to the store, and merge the summaries of its functionals if `reduce` names any."""
+        """Write a chunk to the store, and merge the summaries of its functionals if `reduce` names
+        any.
+        """
         chunk, summaries = result if self.reduced is not None else (result, None)
         self.store.save(number, chunk)
         return self._take(number, chunk, summaries)
@@ -266,7 +292,9 @@ class OnDisk(Total):
         return self.reduced.add(number, chunk.status.size, without_paths(chunk), summaries)
 
     def finished(self) -> tuple[np.ndarray, Ensemble]:
-        """The numbers of the finished paths, and the ensemble, whose arrays have places for all paths."""
+        """The numbers of the finished paths, and the ensemble,
+        whose arrays have places for all paths.
+        """
         first = [int(n) * self.size for n in np.flatnonzero(self.there)]
         parts = [np.arange(p, min(p + self.size, self.paths)) for p in first]
         return np.concatenate(parts) if parts else np.empty(0, dtype=np.int64), self.result()

@@ -1,4 +1,6 @@
-"""Ensembles of paths: `ensemble` runs them in NumPy or in compiled code, on threads, processes or a cluster."""
+"""Ensembles of paths: `ensemble` runs them in NumPy or in compiled code, on threads,
+processes or a cluster.
+"""
 
 from __future__ import annotations
 
@@ -58,10 +60,12 @@ def ensemble(
     until: Mapping[str, float] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Ensemble:
-    """Run many paths to T. Memory grows only with the number of paths; with `store` or `reduce` it is constant.
+    """Run many paths to T. Memory grows only with the number of paths;
+    with `store` or `reduce` it is constant.
 
-    Path number p has the same Wiener increments for any number of paths, any workers and both engines, and is the same
-    Wiener path for every h = T/(n·2^l) with the same odd n. The bits of its states depend on the engine, not workers.
+    Path number p has the same Wiener increments for any number of paths, any workers and both
+    engines, and is the same Wiener path for every h = T/(n·2^l) with the same odd n. The bits of
+    its states depend on the engine, not workers.
 
     Parameters
     ----------
@@ -71,57 +75,65 @@ def ensemble(
     seed : int
         The seed of the increments.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        The distribution of the increments; by default the one that the scheme declares. A PointLaw replaces each normal
-        increment by the law's quantile at the same probability.
-        `Ensemble.W` is always the sum of the normal increments.
+        The distribution of the increments; by default the one that the scheme declares. A PointLaw
+        replaces each normal increment by the law's quantile at the same probability. `Ensemble.W`
+        is always the sum of the normal increments.
     refine : int, optional
         See `sepv.simulate.increments`.
     dW : (N, m, M), optional
         Untruncated Wiener increments for N steps, m noises and M paths, instead of drawn ones.
     times : (K,), optional
-        Increasing multiples of h, from 0, at which states are kept in `Ensemble.states`, (d, K, M). By default only
-        `Ensemble.y` is kept.
+        Increasing multiples of h, from 0, at which states are kept in `Ensemble.states`, (d, K, M).
+        By default only `Ensemble.y` is kept.
     compensated : bool
-        Use Kahan's summation for y + increment: the rounding error of this sum is carried to the next step. If the
-        error were lost, it would cause the larger part of the random walk of an invariant.
+        Use Kahan's summation for y + increment: the rounding error of this sum is carried to the
+        next step. If the error were lost, it would cause the larger part of the random walk of an
+        invariant.
     engine : "auto", "numpy", "compiled" or "cuda"
-        "auto" means the compiled engine (extra `fast`) if it can compile the scheme and the problem. `Ensemble.engine`
-        names the engine used; `Ensemble.reason` says why it was not the compiled one. The engines agree to a few ulp,
-        except if a step has no solution near its start. Newton's iteration is then chaotic: a path may fail with one
-        engine and go on with the other, as 6 of 3000 paths of (2.1) did for Lotka-Volterra at h = 2⁻³.
-        "cuda" runs the chunks on a card (extra `cuda`); "cuda-on-host" runs its code on the processor, for tests.
+        "auto" means the compiled engine (extra `fast`) if it can compile the scheme and the
+        problem. `Ensemble.engine` names the engine used; `Ensemble.reason` says why it was not the
+        compiled one. The engines agree to a few ulp, except if a step has no solution near its
+        start. Newton's iteration is then chaotic: a path may fail with one engine and go on with
+        the other, as 6 of 3000 paths of (2.1) did for Lotka-Volterra at h = 2⁻³. "cuda" runs the
+        chunks on a card (extra `cuda`); "cuda-on-host" runs its code on the processor, for tests.
     workers : int, executor, map-like callable, Dask client or its address
-        An int is a number of threads (compiled engine) or processes (NumPy). An executor, a map-like callable or a
-        Dask client sends chunks to other processes or machines (docs/clusters.md). A chunk that a broken worker did
-        not finish is computed by another worker or in this process.
+        An int is a number of threads (compiled engine) or processes (NumPy). An executor, a
+        map-like callable or a Dask client sends chunks to other processes or machines
+        (docs/clusters.md). A chunk that a broken worker did not finish is computed by another
+        worker or in this process.
     chunk : int, optional
-        The number of paths that a worker computes at a time. It changes no path, only the last digits of `reduced`.
+        The number of paths that a worker computes at a time. It changes no path, only the last
+        digits of `reduced`.
     store : path, optional
-        A Zarr group on disk (extra `store`) for the ends of the paths. The arrays of the result are then zarr arrays,
-        read from disk when they are indexed. Complete chunks found in the group are not computed again.
+        A Zarr group on disk (extra `store`) for the ends of the paths. The arrays of the result are
+        then zarr arrays, read from disk when they are indexed. Complete chunks found in the group
+        are not computed again.
     reduce : dict of callables, optional
-        Functionals by name. Each is called with the `Ensemble` of a chunk, and returns one number for each path in it.
-        `Ensemble.reduced` has the moments and quantiles of the numbers. Without `store`, no path is kept.
+        Functionals by name. Each is called with the `Ensemble` of a chunk, and returns one number
+        for each path in it. `Ensemble.reduced` has the moments and quantiles of the numbers.
+        Without `store`, no path is kept.
     until : dict of float, optional
-        Target standard errors of the means of functionals, by name. The run stops after the first chunk (in the order
-        of chunks) with which all targets are reached.
+        Target standard errors of the means of functionals, by name. The run stops after the first
+        chunk (in the order of chunks) with which all targets are reached.
     progress : callable (paths done, paths), optional
 
     Returns
     -------
     Ensemble
-        States y (d, M) at T, W (m, M), the status of each path, the largest defects of H and of Casimirs, the work.
+        States y (d, M) at T, W (m, M), the status of each path, the largest defects of H and of
+        Casimirs, the work.
 
     Raises
     ------
     SchemeFault, TargetError
-        SchemeFault if the scheme returns no state. TargetError if `scheme` is no scheme or `problem` is no problem.
+        SchemeFault if the scheme returns no state. TargetError if `scheme` is no scheme or
+        `problem` is no problem.
     UsageError
-        For invalid arguments, and for an engine that cannot run the scheme or the problem, or lacks a card.
-        A path that fails raises nothing: see `Ensemble.status`.
+        For invalid arguments, and for an engine that cannot run the scheme or the problem, or lacks
+        a card. A path that fails raises nothing: see `Ensemble.status`.
     ChunkFailure
-        If a chunk raises on its worker and again in this process, or if a cluster is gone. The exception carries the
-        ends of all finished paths.
+        If a chunk raises on its worker and again in this process, or if a cluster is gone. The
+        exception carries the ends of all finished paths.
     Interrupted
         After Ctrl-C: a KeyboardInterrupt that carries the ends of all finished paths.
 
@@ -188,7 +200,8 @@ def _increments(
     if dW is not None:
         raw = np.ascontiguousarray(dW, dtype=np.float64)
         paths = raw.shape[2] if raw.ndim == 3 and paths is None else paths
-        # The extrema are finite if and only if all numbers are, and computing them needs no temporary array.
+        # The extrema are finite if and only if all numbers are, and computing them needs no
+        # temporary array.
         finite = raw.size == 0 or (np.isfinite(raw.min()) and np.isfinite(raw.max()))
         if raw.shape != (steps, problem.noises, paths) or not finite:
             where = ""
@@ -227,10 +240,12 @@ def choose(
     paths: int = 2 * CHUNK,
     here: bool = True,
 ) -> tuple[Target, str]:
-    """The target that runs the scheme for the problem, and the reason if another target was tried before.
+    """The target that runs the scheme for the problem,
+    and the reason if another target was tried before.
 
-    With here=False its chunks run on other machines. Raise UsageError for an unknown engine, for an engine that cannot
-    run the scheme or the problem, and if this machine lacks what the engine needs.
+    With here=False its chunks run on other machines. Raise UsageError for an unknown engine, for an
+    engine that cannot run the scheme or the problem, and if this machine lacks what the engine
+    needs.
     """
     require_one_of("engine", engine, ("auto", *TARGETS), "take auto")
     reason = "engine='numpy'" if engine == "numpy" else ""
@@ -248,7 +263,9 @@ def choose(
 
 
 class _Chunks(Sequence[Task]):
-    """The tasks of an ensemble, one for each chunk; made on demand, because there may be a hundred thousand."""
+    """The tasks of an ensemble, one for each chunk; made on demand,
+    because there may be a hundred thousand.
+    """
 
     def __init__(self, whole: Task, size: int, numbers: Sequence[int], far: bool) -> None:
         self.whole, self.size, self.numbers, self.far = whole, size, numbers, far
@@ -283,8 +300,8 @@ def _empty(whole: Task, problem: Problem, reason: str, about: dict[str, Any]) ->
 def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
     """Describe the paths as JSON: equal descriptions mean equal paths.
 
-    A fingerprint (a hash of values) stands for the problem and the scheme. If the engine compiles both, they
-    are immutable records, and their fingerprint is cached.
+    A fingerprint (a hash of values) stands for the problem and the scheme. If the engine compiles
+    both, they are immutable records, and their fingerprint is cached.
     """
     known = (whole.scheme, problem, whole.y0.tobytes(), whole.h)
     try:
@@ -314,7 +331,9 @@ def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
 
 
 def _made_by(whole: Task, problem: Problem) -> dict[str, Any]:
-    """Describe what computes the paths of a store, as JSON: steps from drawn states, hashes of code, versions."""
+    """Describe what computes the paths of a store, as JSON: steps from drawn states,
+    hashes of code, versions.
+    """
     y0, rng = whole.y0, np.random.default_rng(20140203)
     starts = y0[:, None] + (1 + np.abs(y0))[:, None] * rng.standard_normal((len(y0), DRAWN_STATES))
     steps = [_fingerprint(whole.scheme, problem, y.tobytes(), whole.h) for y in starts.T]
@@ -327,7 +346,9 @@ def _made_by(whole: Task, problem: Problem) -> dict[str, Any]:
 
 
 def _fingerprint(scheme: Scheme, problem: Problem, start: bytes, h: float) -> str:
-    """Hash the problem's values at a state and one step of the scheme, because functions cannot be compared."""
+    """Hash the problem's values at a state and one step of the scheme,
+    because functions cannot be compared.
+    """
     y0 = np.frombuffer(start).copy()
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -341,7 +362,9 @@ def _fingerprint(scheme: Scheme, problem: Problem, start: bytes, h: float) -> st
 
 
 def _value(function: Callable[[], Any]) -> Any:
-    """The value of a function, or the name of its exception: a refused step is part of a scheme's behaviour too."""
+    """The value of a function, or the name of its exception:
+    a refused step is part of a scheme's behaviour too.
+    """
     try:
         return function()
     except Exception as error:

@@ -1,4 +1,6 @@
-"""One long path, run in pieces of a fraction of a second: progress can be shown, and Ctrl-C keeps the steps done."""
+"""One long path, run in pieces of a fraction of a second: progress can be shown,
+and Ctrl-C keeps the steps done.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ from sepv.simulate._ensembles.ensemble import choose
 from sepv.simulate._ensembles.task import NumpyChunk, Task
 from sepv.simulate._run_arguments import checked, require_drawable
 
-# The intended duration of a piece of the path in seconds, and the number of steps of the first piece.
+# The intended duration of a piece of the path in seconds, and the number of steps of the first
+# piece.
 PIECE_SECONDS, FIRST_PIECE = 0.2, 4096
 # The engines that run a single path.
 ENGINES = ("auto", "numpy", "compiled")
@@ -29,7 +32,8 @@ ENGINES = ("auto", "numpy", "compiled")
 
 @dataclass(frozen=True)
 class LongPath:
-    """The result of `long_path`: the whole path, or the steps before an interrupt or an unsolved step.
+    """The result of `long_path`: the whole path, or the steps before an interrupt or an unsolved
+    step.
 
     Attributes
     ----------
@@ -41,12 +45,12 @@ class LongPath:
     times, states : (K,), (d, K)
         The times n·h of the states that were kept (see `every`), and these states.
     energy_defect, casimir_defect : float
-        The largest |H(y_n) − H(y_0)|, and |C(y_n) − C(y_0)| of any quadratic or linear Casimir C, over all steps done.
+        The largest |H(y_n) − H(y_0)|, and |C(y_n) − C(y_0)| of any quadratic or linear Casimir C,
+        over all steps done.
     energy_defects : (K,)
         H(y) − H(y_0) at `times`.
-    status, failed_step : the status of the step that failed, and the number of steps before it (−1 if all were solved).
-    iterations, gradient_evaluations : counts of the work.
-    seconds : float
+    status, failed_step : the status of the step that failed, and the number of steps before it (−1
+    if all were solved). iterations, gradient_evaluations : counts of the work. seconds : float
         Wall time without compilation.
     interrupted : bool
     engine, reason : the engine used, and why it is not the compiled one.
@@ -92,7 +96,8 @@ def long_path(
     progress: Callable[[int, int], None] | None = None,
     resume: LongPath | None = None,
 ) -> LongPath:
-    """Run path number `path` of `ensemble` over any number of steps; the memory needed does not grow with this number.
+    """Run path number `path` of `ensemble` over any number of steps;
+    the memory needed does not grow with this number.
 
     Parameters
     ----------
@@ -103,7 +108,8 @@ def long_path(
     every : int, optional
         Keep the state after every `every` steps; by default no state is kept.
     compensated : bool
-        Use Kahan's summation for y + increment. The rounding of a plain sum causes most of the energy's random walk.
+        Use Kahan's summation for y + increment. The rounding of a plain sum causes most of the
+        energy's random walk.
     progress : callable (steps done, steps), optional
         Called a few times a second.
     resume : LongPath, optional
@@ -112,8 +118,8 @@ def long_path(
     Returns
     -------
     LongPath
-        After Ctrl-C: the steps done so far, with `interrupted` set. After a step that was not solved: the steps before
-        it, with its `status`.
+        After Ctrl-C: the steps done so far, with `interrupted` set. After a step that was not
+        solved: the steps before it, with its `status`.
 
     Raises
     ------
@@ -189,7 +195,9 @@ def long_path(
 
 
 def _pieces(chunk: Any, count: int, every: int | None) -> Any:
-    """Advance the chunk in pieces of about PIECE_SECONDS; after each, yield True if its state is to be kept."""
+    """Advance the chunk in pieces of about PIECE_SECONDS; after each,
+    yield True if its state is to be kept.
+    """
     length = FIRST_PIECE
     while chunk.done < count:
         stop = min(chunk.done + length, count)

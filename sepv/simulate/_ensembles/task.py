@@ -1,4 +1,6 @@
-"""A chunk of paths as a task: the data of the task determine its result, so any worker on any machine can run it."""
+"""A chunk of paths as a task: the data of the task determine its result,
+so any worker on any machine can run it.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +24,14 @@ PIECE = 256
 
 @dataclass(frozen=True)
 class Task:
-    """The data of a chunk: the paths with the numbers first … first + count − 1 of an ensemble, over `steps` steps.
+    """The data of a chunk: the paths with the numbers first … first + count − 1 of an ensemble,
+    over `steps` steps.
 
-    problem : Problem, or the data from which a worker can build the problem again.
-    dW : (N, m, M), untruncated increments, or None to draw them; the chunk uses the columns place … place + count − 1.
-    stops : increasing numbers of steps after which states are kept.
-    engine : the name of the target that runs the chunk (`sepv.simulate.targets`).
-    track : if False, the NumPy engine does not compute the invariants, and reports their defects as 0.
+    problem : Problem, or the data from which a worker can build the problem again. dW : (N, m, M),
+    untruncated increments, or None to draw them; the chunk uses the columns place … place + count
+    − 1. stops : increasing numbers of steps after which states are kept. engine : the name of the
+    target that runs the chunk (`sepv.simulate.targets`). track : if False, the NumPy engine does
+    not compute the invariants, and reports their defects as 0.
     """
 
     scheme: Scheme
@@ -91,7 +94,9 @@ class NumpyChunk:
         return not self.batch.alive.size
 
     def result(self, kept: Array) -> Ensemble:
-        """The present states of the paths as an `Ensemble`; `kept` are their states at the steps `Task.stops`."""
+        """The present states of the paths as an `Ensemble`;
+        `kept` are their states at the steps `Task.stops`.
+        """
         return self.batch.result(self.W, kept)
 
     def _walk(self, problem: Problem) -> Iterator[Array]:

@@ -1,10 +1,12 @@
-"""Hashes of the code that makes the steps of a store's paths, so that a store is not continued by other code.
+"""Hashes of the code that makes the steps of a store's paths,
+so that a store is not continued by other code.
 
-Followed are Python functions with their constants, defaults, closures and the globals that they name; records and
-bound methods with their parts; libraries that `ctypes` loaded, extension modules, and files on the command line of a
-program, by the bytes of the file. sepv, NumPy, SciPy, numba and mpmath are known by their versions alone. Lists, dicts
-and arrays that can be written are left out, because they may be caches. Steps from drawn states see most of the rest,
-but no hash sees data that a step reads from files or the network, or code that it makes while it runs.
+Followed are Python functions with their constants, defaults, closures and the globals that they
+name; records and bound methods with their parts; libraries that `ctypes` loaded, extension modules,
+and files on the command line of a program, by the bytes of the file. sepv, NumPy, SciPy, numba and
+mpmath are known by their versions alone. Lists, dicts and arrays that can be written are left out,
+because they may be caches. Steps from drawn states see most of the rest, but no hash sees data that
+a step reads from files or the network, or code that it makes while it runs.
 """
 
 from __future__ import annotations
@@ -35,7 +37,9 @@ def code_of(*objects: Any) -> dict[str, str]:
 def _follow(  # noqa: PLR0911, PLR0912 - a kind of value a line
     value: Any, name: str, found: dict[str, str], seen: dict[int, Any]
 ) -> bytes:
-    """Note the functions and files that a value reaches, and return the bytes of the plain data in it."""
+    """Note the functions and files that a value reaches,
+    and return the bytes of the plain data in it.
+    """
     if isinstance(value, _PLAIN):
         return repr(value).encode()
     if id(value) in seen:

@@ -1,8 +1,10 @@
-"""Moments and quantiles of functionals of paths, computed for each chunk and merged in the order of the chunks.
+"""Moments and quantiles of functionals of paths, computed for each chunk and merged in the order of
+the chunks.
 
-Central moments of two samples are merged as in P. Pébay, *Formulas for robust, one-pass parallel computation
-of covariances and arbitrary-order statistical moments*, SAND2008-6212. Because of the fixed order of merging,
-results have the same bits for any workers. Chunks of another size give other roundings.
+Central moments of two samples are merged as in P. Pébay, *Formulas for robust, one-pass parallel
+computation of covariances and arbitrary-order statistical moments*, SAND2008-6212. Because of the
+fixed order of merging, results have the same bits for any workers. Chunks of another size give
+other roundings.
 """
 
 from __future__ import annotations
@@ -17,8 +19,8 @@ import numpy as np
 from sepv.errors import UsageError
 from sepv.simulate._results.sketch import Sketch, sketch
 
-# The fewest values with which a target can be reached: the standard error of few values may be small by
-# chance.
+# The fewest values with which a target can be reached: the standard error of few values may be
+# small by chance.
 TARGET_MIN_VALUES = 1024
 
 Functionals = Mapping[str, Callable[[Any], Any]]
@@ -37,10 +39,11 @@ class Summary:
         Σ(x − mean)ᵏ for k = 2, 3, 4.
     minimum, maximum : float
     failed : int
-        The number of paths left out because a step was not solved; the other fields describe the remaining
-        paths.
+        The number of paths left out because a step was not solved; the other fields describe the
+        remaining paths.
     not_finite : int
-        The number of paths left out because their value is not finite, although all their steps were solved.
+        The number of paths left out because their value is not finite, although all their steps
+        were solved.
     """
 
     count: int = 0
@@ -78,7 +81,9 @@ class Summary:
         return self.sums[which] / self.count / math.pow(self.sums[0] / self.count, power)
 
     def quantile(self, p: float) -> float:
-        """The value of rank ⌊p(count − 1)⌋ (from 0), with a relative error of 1e-3; exact for p = 0 and p = 1."""
+        """The value of rank ⌊p(count − 1)⌋ (from 0), with a relative error of 1e-3;
+        exact for p = 0 and p = 1.
+        """
         if p in (0, 1) and self.count:
             return self.maximum if p else self.minimum
         return min(max(self.sketch.quantile(p), self.minimum), self.maximum)
@@ -110,10 +115,11 @@ class Summary:
 
 
 def summary(values: Any, status: Any) -> Summary:
-    """Summarise the values (M,) of a functional over one chunk of M paths with the status codes `status` (M,).
+    """Summarise the values (M,) of a functional over one chunk of M paths with the status codes
+    `status` (M,).
 
-    The arrays may be those of a card (CuPy): NumPy's functions then run there, and only the summary comes
-    back.
+    The arrays may be those of a card (CuPy): NumPy's functions then run there, and only the summary
+    comes back.
     """
     got_through = status == 0
     finite = np.isfinite(values)
@@ -153,7 +159,9 @@ def reduce_chunk(functionals: Functionals, chunk: Any) -> dict[str, Summary]:
 
 
 def validate(reduce: Any, until: Any) -> None:
-    """Raise UsageError if `reduce` is no mapping of functionals, or `until` no mapping of target standard errors."""
+    """Raise UsageError if `reduce` is no mapping of functionals,
+    or `until` no mapping of target standard errors.
+    """
     if not isinstance(reduce, Mapping) or not reduce or not all(callable(f) for f in reduce.values()):
         raise UsageError(
             expected="reduce: functionals by name",
@@ -174,9 +182,10 @@ def validate(reduce: Any, until: Any) -> None:
 def reached(reduced: Mapping[str, Summary], until: Mapping[str, float]) -> bool:
     """True if the mean of every functional in `until` has a standard error of at most its target.
 
-    With this stopping rule the usual confidence interval keeps its level as the target goes to 0 (Y. S. Chow
-    and H. Robbins, Ann. Math. Statist. 36, 1965). For a finite target, its level is a little lower. At least
-    `TARGET_MIN_VALUES` values are required, so that chance does not stop a run early.
+    With this stopping rule the usual confidence interval keeps its level as the target goes to 0
+    (Y. S. Chow and H. Robbins, Ann. Math. Statist. 36, 1965). For a finite target, its level is a
+    little lower. At least `TARGET_MIN_VALUES` values are required, so that chance does not stop a
+    run early.
     """
     return all(
         reduced[name].count >= TARGET_MIN_VALUES and reduced[name].standard_error <= target

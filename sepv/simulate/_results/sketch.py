@@ -1,9 +1,10 @@
 """Quantiles of many numbers in little memory: counts in buckets whose edges are powers of γ.
 
-The method is that of C. Masson, J. E. Rim and H. K. Lee, *DDSketch*, Proc. VLDB 12 (2019). For a relative accuracy α
-and γ = (1 + α)/(1 − α), the number x > 0 falls into bucket i = ⌈ln x / ln γ⌉, and 2γ^i/(γ + 1) is within α x of every x
-of that bucket. Counts are integers, so sketches merge exactly and in any order. A t-digest, the usual alternative,
-depends on the order, and its error has no bound.
+The method is that of C. Masson, J. E. Rim and H. K. Lee, *DDSketch*, Proc. VLDB 12 (2019). For a
+relative accuracy α and γ = (1 + α)/(1 − α), the number x > 0 falls into bucket i = ⌈ln x / ln γ⌉,
+and 2γ^i/(γ + 1) is within α x of every x of that bucket. Counts are integers, so sketches merge
+exactly and in any order. A t-digest, the usual alternative, depends on the order, and its error has
+no bound.
 """
 
 from __future__ import annotations
@@ -18,12 +19,14 @@ from numpy.typing import NDArray
 from sepv.errors import UsageError
 from sepv.record import TINY
 
-# The relative accuracy α of a quantile. The counts for a normal variable take about 100 kB for any number of values.
+# The relative accuracy α of a quantile. The counts for a normal variable take about 100 kB for any
+# number of values.
 ACCURACY = 1e-3
 # ln γ, and the offset that makes every index positive.
 _LOG_GAMMA = math.log1p(ACCURACY) - math.log1p(-ACCURACY)
 _OFFSET = math.ceil(-math.log(TINY) / _LOG_GAMMA) + 2
-# The logarithm of the largest finite number. Numbers below TINY, the smallest normal number, count as 0.
+# The logarithm of the largest finite number. Numbers below TINY, the smallest normal number, count
+# as 0.
 _LARGEST = math.log(float(np.finfo(np.float64).max))
 
 
@@ -31,7 +34,8 @@ _LARGEST = math.log(float(np.finfo(np.float64).max))
 class Sketch:
     """The counts (K,) of numbers in buckets with the keys (K,).
 
-    keys : int32, increasing: sign·(i + offset) for bucket i, and 0 for the number 0. The offset makes every i + offset
+    keys : int32, increasing: sign·(i + offset) for bucket i, and 0 for the number 0. The offset
+    makes every i + offset
         positive, so that keys are ordered as the numbers are.
     """
 
@@ -46,7 +50,8 @@ class Sketch:
         return Sketch(keys, counts)
 
     def quantile(self, p: float) -> float:
-        """The number of rank ⌊p(n − 1)⌋ (from 0) of all n numbers in order of size, with relative error α.
+        """The number of rank ⌊p(n − 1)⌋ (from 0) of all n numbers in order of size,
+        with relative error α.
 
         Raise UsageError for p outside [0, 1], and if the sketch has counted no numbers.
         """
@@ -66,7 +71,9 @@ class Sketch:
 
 
 def sketch(values: Any) -> Sketch:
-    """The sketch of finite numbers `values` (M,), an array of NumPy or of a card; the counts are NumPy's."""
+    """The sketch of finite numbers `values` (M,), an array of NumPy or of a card;
+    the counts are NumPy's.
+    """
     size = np.abs(values)
     index = np.ceil(np.log(np.maximum(size, TINY)) / _LOG_GAMMA).astype(np.int32) + _OFFSET
     keys, counts = _counted(np.where(size < TINY, 0, np.where(values < 0, -index, index)))
@@ -74,7 +81,9 @@ def sketch(values: Any) -> Sketch:
 
 
 def _counted(keys: Any) -> tuple[Any, Any]:
-    """The different keys in order, and how often each occurs: by a table if they are many, else by sorting."""
+    """The different keys in order, and how often each occurs: by a table if they are many,
+    else by sorting.
+    """
     lowest, highest = (int(keys.min()), int(keys.max())) if keys.size else (0, 0)
     if keys.size < highest - lowest:
         return tuple(np.unique(keys, return_counts=True))  # type: ignore[return-value]

@@ -1,8 +1,9 @@
-"""A store on disk of the ends of paths, with a Zarr chunk for each chunk of paths (Zarr format 3, read by xarray).
+"""A store on disk of the ends of paths, with a Zarr chunk for each chunk of paths (Zarr format 3,
+read by xarray).
 
-The array `work` has a row for each chunk of paths, with a checksum of the chunk's data. The row is written last, and
-marks the chunk as complete. If a chunk was deleted, changed or left incomplete by a crash, its checksum does not fit,
-and the chunk is computed again.
+The array `work` has a row for each chunk of paths, with a checksum of the chunk's data. The row is
+written last, and marks the chunk as complete. If a chunk was deleted, changed or left incomplete by
+a crash, its checksum does not fit, and the chunk is computed again.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ import numpy as np
 from sepv._arguments import optional
 from sepv.errors import UsageError
 
-# The version of the format of a store: 2 has states as (component, time, path). TIME_FIRST, the version before, has
-# them as (time, component, path); such stores are read, and continued, in the order of their axes.
+# The version of the format of a store: 2 has states as (component, time, path). TIME_FIRST, the
+# version before, has them as (time, component, path); such stores are read, and continued, in the
+# order of their axes.
 FORMAT = 2
 TIME_FIRST = 1
 # The counts of work of a chunk, stored after the checksum in the chunk's row of `work`.
@@ -28,14 +30,18 @@ _FILL = {"f": float("nan"), "i": -9}
 
 
 class TimeFirst:
-    """The states of a store of the older format for users: its first two axes are exchanged when they are read."""
+    """The states of a store of the older format for users:
+    its first two axes are exchanged when they are read.
+    """
 
     def __init__(self, array: Any) -> None:
         self.array, self.dtype = array, array.dtype
         self.shape = (array.shape[1], array.shape[0], array.shape[2])
 
     def __getitem__(self, index: Any) -> Any:
-        """The entries of an index of the exchanged axes. All states are read, because such stores are rare."""
+        """The entries of an index of the exchanged axes. All states are read,
+        because such stores are rare.
+        """
         return np.swapaxes(self.array[...], 0, 1)[index]
 
     def __array__(self, dtype: Any = None, copy: Any = None) -> Any:
@@ -43,12 +49,15 @@ class TimeFirst:
 
 
 class ZarrStore:
-    """A store of `paths` paths in chunks of `chunk` paths: zarr `arrays` by name, whose last axis is the path."""
+    """A store of `paths` paths in chunks of `chunk` paths: zarr `arrays` by name,
+    whose last axis is the path.
+    """
 
     def __init__(
         self, where: Any, about: Mapping[str, Any], shapes: Mapping[str, Any], paths: int, chunk: int
     ) -> None:
-        """Open a store or create it; UsageError if zarr is not installed or `where` holds something else.
+        """Open a store or create it; UsageError if zarr is not installed or `where` holds something
+        else.
 
         where : path, or another argument of `zarr.open_group`
         about : the description of the paths as JSON; an existing store must have the same
@@ -71,7 +80,9 @@ class ZarrStore:
         self.work = self._array("work", (self.chunks, line), (1, line), ("chunk", "counted"), np.int64)
 
     def _array(self, name: str, shape: Any, chunks: Any, axes: Any, dtype: Any) -> Any:
-        """The store's array, or a new one. UsageError if its description is damaged, or is that of another array."""
+        """The store's array, or a new one. UsageError if its description is damaged,
+        or is that of another array.
+        """
         kind = np.dtype(dtype).kind
         try:
             array = self.group.get(name)
@@ -94,7 +105,9 @@ class ZarrStore:
         return array
 
     def save(self, number: int, chunk: Any) -> None:
-        """Write chunk `number`, given as an `Ensemble`. Its row of `work` is written last and marks it as complete."""
+        """Write chunk `number`, given as an `Ensemble`.
+        Its row of `work` is written last and marks it as complete.
+        """
         contents = {name: self._ordered(name, getattr(chunk, name)) for name in self.arrays}
         for name, array in self.arrays.items():
             array[..., self._place(number)] = contents[name]
@@ -117,11 +130,15 @@ class ZarrStore:
         return ordered | dict(zip(COUNTED, counts, strict=True))
 
     def _ordered(self, name: str, values: Any) -> Any:
-        """Exchange the first two axes of the states of a store of the older format, in either direction."""
+        """Exchange the first two axes of the states of a store of the older format,
+        in either direction.
+        """
         return np.swapaxes(values, 0, 1) if self.time_first and name == "states" else values
 
     def shown(self, name: str) -> Any:
-        """The array `name` for users: the zarr array, or the states of an older store with the component first."""
+        """The array `name` for users: the zarr array, or the states of an older store with the
+        component first.
+        """
         array = self.arrays[name]
         return TimeFirst(array) if self.time_first and name == "states" else array
 

@@ -13,15 +13,18 @@ from sepv.simulate._ensembles.task import Task
 from sepv.simulate.targets._target import Chunk, Target
 from sepv.workers import count as threads_of
 
-# The number of chunks for each worker: several, so that the other workers need not wait for a slow one.
+# The number of chunks for each worker: several, so that the other workers need not wait for a slow
+# one.
 SHARES = 4
-# Paths × steps of a chunk that is sent or stored: tenths of a second of work. A scheduler adds a millisecond to each.
+# Paths × steps of a chunk that is sent or stored: tenths of a second of work. A scheduler adds a
+# millisecond to each.
 PATH_STEPS = 2**24
 # Paths × steps of a chunk for a thread, if it has few steps: hundredths of a second of work.
 THREAD_STEPS = 2**20
 # The most paths in a chunk that is sent or stored: the engine's arrays then take about 20 MB.
 CHUNK_MAX_PATHS = 16 * CHUNK
-# The most paths in a chunk if the ends of all its paths are sent to a cluster's client: about 80 MB for each thread.
+# The most paths in a chunk if the ends of all its paths are sent to a cluster's client: about 80 MB
+# for each thread.
 SENT_MAX_PATHS = 4 * CHUNK_MAX_PATHS
 
 
@@ -39,13 +42,15 @@ def _size(whole: Task, workers: Any, fixed: bool) -> int:
     if isinstance(workers, int) and not fixed:
         shares = SHARES * workers if workers > 1 else 1
         share = -(-whole.count // (shares * LANES)) * LANES
-        # Python needs a tenth of a millisecond for a chunk, one thread at a time: of few steps, chunks have more paths.
+        # Python needs a tenth of a millisecond for a chunk, one thread at a time: of few steps,
+        # chunks have more paths.
         long = min(THREAD_STEPS // whole.steps // LANES * LANES, SENT_MAX_PATHS)
         return min(max(share, LANES), max((4 if workers > 1 else 8) * CHUNK, long))
     size = min(max(PATH_STEPS // whole.steps // LANES * LANES, LANES), CHUNK_MAX_PATHS)
     if fixed:
         return size
-    # A scheduler has the same work for a chunk of any size, so chunks are large if there are enough for all threads.
+    # A scheduler has the same work for a chunk of any size, so chunks are large if there are enough
+    # for all threads.
     share = whole.count // (SHARES * max(threads_of(workers), 1)) // LANES * LANES
     return max(size, min(share, PATH_STEPS // whole.steps // LANES * LANES, SENT_MAX_PATHS))
 

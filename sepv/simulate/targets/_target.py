@@ -17,7 +17,9 @@ class CannotCompile(Exception):
 
 
 class Chunk(Protocol):
-    """A chunk of paths at some step. Arrays may be those of another library with NumPy's interface, such as CuPy's."""
+    """A chunk of paths at some step. Arrays may be those of another library with NumPy's interface,
+    such as CuPy's.
+    """
 
     @property
     def done(self) -> int:
@@ -45,16 +47,19 @@ class Target:
     name : str
         The value of `engine` that asks for it, and of `Ensemble.engine`.
     prepare : (scheme, problem, paths, compensated, here) -> None
-        Compiles what chunks will need. Raises CannotCompile if the target cannot run this scheme or problem, and
-        UsageError if this machine lacks something; with here=False the chunks run elsewhere, and nothing is needed.
+        Compiles what chunks will need. Raises CannotCompile if the target cannot run this scheme or
+        problem, and UsageError if this machine lacks something; with here=False the chunks run
+        elsewhere, and nothing is needed.
     chunk : (task, problem) -> Chunk
     size : (task, workers, fixed) -> int
-        The paths of a chunk. If `fixed` (chunks are stored or reduced), it does not depend on the workers, so that
-        results have the same bits.
+        The paths of a chunk. If `fixed` (chunks are stored or reduced), it does not depend on the
+        workers, so that results have the same bits.
     piece : int
-        Paths × steps between two checks for Ctrl-C and for a chunk that is no longer needed: hundredths of a second.
+        Paths × steps between two checks for Ctrl-C and for a chunk that is no longer needed:
+        hundredths of a second.
     threads : bool
-        True if chunks run side by side as threads of this process, False if they need processes of their own.
+        True if chunks run side by side as threads of this process, False if they need processes of
+        their own.
     recorded : bool
         True if it records a scheme's and a problem's functions, which then are immutable.
     packages : names of the packages whose versions must be the same on all machines

@@ -1,1 +1,3 @@
-"""Regression benchmarks: exact counts of work, errors with jackknife intervals, and ratios of paired times."""
+"""Regression benchmarks: exact counts of work, errors with jackknife intervals,
+and ratios of paired times.
+"""

@@ -1,8 +1,10 @@
-"""The cases of the regression benchmark, as data: a saved record contains its cases, so that it can be measured again.
+"""The cases of the regression benchmark, as data: a saved record contains its cases,
+so that it can be measured again.
 
-A portable case uses only + − × ÷ and √. IEEE 754 fixes their results to the last bit on every machine, so the case's
-counters can be committed. Sines, logarithms and the nodes of a quadrature (from LAPACK) differ in the last bit between
-machines. In one of a few thousand solves, the number of iterations then differs too.
+A portable case uses only + − × ÷ and √. IEEE 754 fixes their results to the last bit on every
+machine, so the case's counters can be committed. Sines, logarithms and the nodes of a quadrature
+(from LAPACK) differ in the last bit between machines. In one of a few thousand solves, the number
+of iterations then differs too.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ def volterra() -> PolynomialSystem:
 
 
 def quartic_body() -> PolynomialSystem:
-    """A rigid body whose averaged gradient needs two nodes: B = hat(y) and H = ½Σ y_i²/I_i + ¼y₁⁴ + ½y₁²y₂²."""
+    """A rigid body whose averaged gradient needs two nodes: B = hat(y)
+    and H = ½Σ y_i²/I_i + ¼y₁⁴ + ½y₁²y₂².
+    """
     H = polynomial(
         3, [((2, 0, 0), 1.5), ((0, 2, 0), 0.75), ((0, 0, 2), 0.5), ((4, 0, 0), 0.25), ((2, 2, 0), 0.5)]
     )
@@ -43,7 +47,8 @@ def _case(name: str, problem: Any, h: float, steps: int, *, portable: bool, init
     }  # fmt: skip
 
 
-# Lotka-Volterra has a step h so small that every solve has a solution. With h = 2⁻⁵, Newton takes four iterations.
+# Lotka-Volterra has a step h so small that every solve has a solution. With h = 2⁻⁵, Newton takes
+# four iterations.
 CASES: tuple[Case, ...] = (
     _case("harmonic-oscillator", "harmonic-oscillator", 2.0**-5, 16, portable=True),
     _case("rigid-body", "rigid-body", 2.0**-5, 16, portable=True),
@@ -57,7 +62,8 @@ CASES: tuple[Case, ...] = (
 def own_case(target: str) -> Case:
     """Make a case of a user's problem: 16 steps of size h = 2⁻⁵ from the problem's initial state.
 
-    The target is a name, a file or module:attribute. Raises UsageError for a problem without an initial state.
+    The target is a name, a file or module:attribute. Raises UsageError for a problem without an
+    initial state.
     """
     from sepv.schemes import load_problem
 
@@ -77,7 +83,8 @@ def own_case(target: str) -> Case:
 
 
 def choose(names: tuple[str, ...], portable: bool) -> list[Case]:
-    """The cases with one of the `names`, or all cases if there are no names; with `portable`, only portable cases.
+    """The cases with one of the `names`, or all cases if there are no names; with `portable`,
+    only portable cases.
 
     Raises UsageError for an unknown name.
     """

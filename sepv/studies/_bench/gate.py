@@ -1,8 +1,9 @@
 """The rules by which one benchmark record (head) is worse or better than another (base).
 
-A count of work is worse if it is larger, even by one, because counts have no noise. For an error or a defect, the ratio
-head/base is computed on the same paths. Each end of its jackknife interval is wrong with probability 1e-3. The error is
-worse if the interval is above 1 and the ratio above a tolerance. For times, see `sepv.studies._bench.pairs`.
+A count of work is worse if it is larger, even by one, because counts have no noise. For an error or
+a defect, the ratio head/base is computed on the same paths. Each end of its jackknife interval is
+wrong with probability 1e-3. The error is worse if the interval is above 1 and the ratio above a
+tolerance. For times, see `sepv.studies._bench.pairs`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from sepv.problem import Array
 from sepv.statistics import jackknife_half
 
 ALPHA = 1e-3
-# Another order of summation changes an error only by rounding, so a change of one per cent comes from the scheme.
+# Another order of summation changes an error only by rounding, so a change of one per cent comes
+# from the scheme.
 ERROR_TOLERANCE = 1.01
 # A defect of the size of rounding errors changes by tens of per cent with the order of summation.
 DEFECT_TOLERANCE = 1.5
@@ -42,7 +44,8 @@ class Change:
 
 
 def check(head: dict[str, Any], base: dict[str, Any]) -> list[Change]:
-    """List the changes of one target from the record `base` to the record `head`, in each case of `base`.
+    """List the changes of one target from the record `base` to the record `head`,
+    in each case of `base`.
 
     Raises UsageError if `head` lacks a case of `base`, or has it with other settings.
     """
@@ -91,9 +94,11 @@ def _ratio(target: str, case: str, kind: str, ours: list[str], theirs: list[str]
 
 
 def ratio(head: Array, base: Array) -> tuple[float, float, float]:
-    """The ratio √(mean head / mean base) of two rms values, and the lower and upper end of its interval.
+    """The ratio √(mean head / mean base) of two rms values,
+    and the lower and upper end of its interval.
 
-    `head` and `base` are mean squares over the same groups of paths. Each end is wrong with probability ALPHA.
+    `head` and `base` are mean squares over the same groups of paths. Each end is wrong with
+    probability ALPHA.
     """
     with np.errstate(all="ignore"):
         whole = 0.5 * np.log(np.mean(head) / np.mean(base))
@@ -103,5 +108,7 @@ def ratio(head: Array, base: Array) -> tuple[float, float, float]:
 
 
 def rms(groups: list[str]) -> float:
-    """The rms over all paths, from the mean squares over groups of paths, which records hold as hex floats."""
+    """The rms over all paths, from the mean squares over groups of paths,
+    which records hold as hex floats.
+    """
     return float(np.sqrt(np.mean([hex_float(v) for v in groups])))

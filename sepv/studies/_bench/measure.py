@@ -1,7 +1,9 @@
-"""Measurement of a scheme in one case: counts of work as exact integers, errors and defects of paths, times.
+"""Measurement of a scheme in one case: counts of work as exact integers,
+errors and defects of paths, times.
 
-This file also runs with another checkout (`sepv.studies._bench.timed_process`), which may be older. So it uses only the
-contract of a scheme and names that every release has, such as `exact_flow`, `problems` and `truncate`.
+This file also runs with another checkout (`sepv.studies._bench.timed_process`), which may be older.
+So it uses only the contract of a scheme and names that every release has, such as `exact_flow`,
+`problems` and `truncate`.
 """
 
 from __future__ import annotations
@@ -21,15 +23,18 @@ from sepv.simulate import _truncation as bounded
 from sepv.simulate._batch import Carried, batch_step
 from sepv.studies._evaluation_count import Work, counted
 
-# The number of groups of paths whose means are recorded, for jackknife intervals of ratios over the same paths.
+# The number of groups of paths whose means are recorded, for jackknife intervals of ratios over the
+# same paths.
 GROUPS = 32
 _EPS = float(np.finfo(np.float64).eps)
 
 
 def measure(scheme: Scheme, case: dict[str, Any]) -> dict[str, Any]:
-    """Measure one case; return `counters`, and `error`, `energy`, `casimir` as hex mean squares over groups of paths.
+    """Measure one case; return `counters`, and `error`, `energy`,
+    `casimir` as hex mean squares over groups of paths.
 
-    The rounding error of evaluating H and C is added to their defects, so that ratios of tiny defects are near 1.
+    The rounding error of evaluating H and C is added to their defects, so that ratios of tiny
+    defects are near 1.
     """
     problem = build(case)
     dW = increments(scheme, problem, case)
@@ -51,7 +56,9 @@ def measure(scheme: Scheme, case: dict[str, Any]) -> dict[str, Any]:
 
 
 def build(case: dict[str, Any]) -> Problem:
-    """Load or build the problem that a case names or contains as data, with the case's initial state if it has one."""
+    """Load or build the problem that a case names or contains as data,
+    with the case's initial state if it has one.
+    """
     given = case["problem"]
     if isinstance(given, str) and ":" in given:  # a user's problem, which only newer releases support
         from sepv.schemes import load_problem
@@ -67,7 +74,9 @@ def build(case: dict[str, Any]) -> Problem:
 
 
 def raw_increments(problem: Problem, case: dict[str, Any]) -> np.ndarray:
-    """Wiener increments (N, m, M) from NumPy's generator alone, so that every release of sepv has the same ones."""
+    """Wiener increments (N, m, M) from NumPy's generator alone,
+    so that every release of sepv has the same ones.
+    """
     rng = np.random.Generator(np.random.PCG64(case["seed"]))
     shape = (case["steps"], problem.noises, case["paths"])
     return np.asarray(np.sqrt(case["h"]) * rng.standard_normal(shape))
@@ -81,9 +90,11 @@ def increments(scheme: Scheme, problem: Problem, case: dict[str, Any]) -> np.nda
 def run(
     scheme: Scheme, problem: Problem, case: dict[str, Any], dW: np.ndarray, *, watch: bool = False
 ) -> tuple[tuple[np.ndarray, np.ndarray], dict[str, int]]:
-    """Run all paths; return (last states (d, M), largest defects (2, M) of H and Casimirs), and the counts of solves.
+    """Run all paths; return (last states (d, M), largest defects (2, M) of H and Casimirs),
+    and the counts of solves.
 
-    The counts are of iterations and failures. A path stops at its first failed step. Without `watch`, defects are 0.
+    The counts are of iterations and failures. A path stops at its first failed step. Without
+    `watch`, defects are 0.
     """
     y = np.repeat(np.asarray(problem.initial, dtype=np.float64)[:, None], dW.shape[2], axis=1)
     first = _invariants(problem, y) if watch else None
@@ -108,7 +119,9 @@ def run(
 def _advance(
     scheme: Scheme, problem: Problem, y: np.ndarray, h: float, dW: np.ndarray, carried: Carried
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Take one step of all M paths; return new states (d, M), flags (M,) of failed paths, and the sum of iterations."""
+    """Take one step of all M paths; return new states (d, M), flags (M,) of failed paths,
+    and the sum of iterations.
+    """
     if scheme.solve is not None:
         solution = scheme.solve(problem, y, h, dW)
         return solution.value, np.asarray(solution.status) != 0, int(np.sum(solution.iterations))
@@ -119,7 +132,8 @@ def _advance(
 def seconds(scheme: Scheme, case: dict[str, Any], loops: int, call: str = "step") -> tuple[float, float]:
     """Measure the processor seconds and the clock seconds of `loops` runs of a case.
 
-    call : "step" times the scheme's steps alone, with given increments. "ensemble" times `sepv.ensemble` as users call
+    call : "step" times the scheme's steps alone, with given increments. "ensemble" times
+    `sepv.ensemble` as users call
         it, with its engine, its random numbers and its defects of invariants
     """
     problem = build(case)
@@ -146,7 +160,9 @@ def _invariants(problem: Problem, y: np.ndarray) -> np.ndarray:
 
 
 def _scales(problem: Problem, y: np.ndarray) -> np.ndarray:
-    """Typical sizes (2,) of the terms of H and of the Casimirs; eps times them is the rounding of an evaluation."""
+    """Typical sizes (2,) of the terms of H and of the Casimirs;
+    eps times them is the rounding of an evaluation.
+    """
     energy = float(np.mean(np.sum(np.abs(problem.gradient(y) * y), axis=0)))
     casimirs = [np.sum(np.abs(y) * (np.abs(A) @ np.abs(y)), axis=0) for A in problem.casimirs]
     casimirs += [np.sum(np.abs(b[:, None] * y), axis=0) for b in problem.linear_casimirs]

@@ -1,9 +1,11 @@
-"""Times of two checkouts: the same cases in two processes that alternate, and bounds of the ratio of their times.
+"""Times of two checkouts: the same cases in two processes that alternate,
+and bounds of the ratio of their times.
 
-Both times of a ratio are measured one after the other, because a slow minute of the machine then slows both. Within a
-batch the two processes alternate, and each of them is first in half of the pairs. Each batch has new processes, because
-a process is faster or slower by a few per cent, as long as it runs, depending on its place in memory. The bounds are a
-bootstrap over batches and over the pairs of times within them.
+Both times of a ratio are measured one after the other, because a slow minute of the machine then
+slows both. Within a batch the two processes alternate, and each of them is first in half of the
+pairs. Each batch has new processes, because a process is faster or slower by a few per cent, as
+long as it runs, depending on its place in memory. The bounds are a bootstrap over batches and over
+the pairs of times within them.
 """
 
 from __future__ import annotations
@@ -26,14 +28,16 @@ from sepv.problem import Array
 from sepv.studies._bench import timed_process
 from sepv.studies._bench.gate import ALPHA, Change
 
-# The seconds of one measurement: long beside the clock's resolution, short beside changes of the machine's load.
+# The seconds of one measurement: long beside the clock's resolution, short beside changes of the
+# machine's load.
 READING = 0.02
 PAIRS = 8
 FEWEST_BATCHES = 4
 # A case needs no further batch if both bounds are within this fraction of its ratio.
 HALF_WIDTH = 0.02
-# Head is slower if the lower bound of the ratio is above this number, and faster if the upper bound is below its
-# inverse. Two per cent allow for an effect that pairing cannot remove: other code lies in another place of memory.
+# Head is slower if the lower bound of the ratio is above this number, and faster if the upper bound
+# is below its inverse. Two per cent allow for an effect that pairing cannot remove: other code lies
+# in another place of memory.
 TIME_TOLERANCE = 1.02
 RESAMPLES = 4000
 TIMEOUT = 600.0
@@ -41,7 +45,9 @@ CLOCKS = ("processor time", "clock time")
 
 
 class Side:
-    """A child process that imports the scheme under test, `target`, from one of the two checkouts."""
+    """A child process that imports the scheme under test, `target`, from one of the two
+    checkouts.
+    """
 
     def __init__(self, target: str, checkout: Path, label: str) -> None:
         self.label = label
@@ -69,7 +75,9 @@ class Side:
             )
 
     def ask(self, question: dict[str, Any]) -> dict[str, Any]:
-        """Send a question and return the answer; TargetError if the scheme raises, or the process ends or hangs."""
+        """Send a question and return the answer; TargetError if the scheme raises,
+        or the process ends or hangs.
+        """
         try:
             answer = json.loads(self.child.exchange(json.dumps(question).encode() + b"\n", TIMEOUT))
         except NoLine:
@@ -96,7 +104,9 @@ def both(target: str, head: Path, base: Path) -> Iterator[tuple[Side, Side]]:
 
 
 def head_of(target: str) -> Path:
-    """The folder from which this process loads `target`: the working folder for module:attribute, else sepv's own."""
+    """The folder from which this process loads `target`: the working folder for module:attribute,
+    else sepv's own.
+    """
     return Path.cwd() if ":" in target else Path(sepv.__file__).resolve().parents[1]
 
 
@@ -104,8 +114,8 @@ def head_of(target: str) -> Path:
 class Times:
     """The paired times of one case.
 
-    call : "step" or "ensemble", see `sepv.studies._bench.measure.seconds`
-    batches : for each batch the log ratios head/base of its pairs of times, by processor time and by the clock
+    call : "step" or "ensemble", see `sepv.studies._bench.measure.seconds` batches : for each batch
+    the log ratios head/base of its pairs of times, by processor time and by the clock
     """
 
     case: dict[str, Any]
@@ -113,17 +123,21 @@ class Times:
     batches: list[list[tuple[float, float]]] = field(default_factory=list)
 
     def bounds(self, clock: int) -> tuple[float, float, float]:
-        """The ratio head/base of times by CLOCKS[clock], and its two bounds, each wrong with probability ALPHA."""
+        """The ratio head/base of times by CLOCKS[clock], and its two bounds,
+        each wrong with probability ALPHA.
+        """
         logs = [np.array(batch)[:, clock] for batch in self.batches]
         value, low, high = bootstrap(logs)
         return float(np.exp(value)), float(np.exp(low)), float(np.exp(high))
 
 
 def bootstrap(batches: Sequence[Array]) -> tuple[float, float, float]:
-    """The median of the log ratios of all pairs, and its bounds by a bootstrap over batches and over their pairs.
+    """The median of the log ratios of all pairs, and its bounds by a bootstrap over batches and
+    over their pairs.
 
-    The median is not a mean of the batches' medians, because a few disturbed pairs can move the median of a small
-    batch. The spread is multiplied by √(B/(B − 1)), because a bootstrap of B batches is too narrow by this factor.
+    The median is not a mean of the batches' medians, because a few disturbed pairs can move the
+    median of a small batch. The spread is multiplied by √(B/(B − 1)), because a bootstrap of B
+    batches is too narrow by this factor.
     """
     rng = np.random.default_rng(0)
     pairs = np.stack(batches)
@@ -146,10 +160,12 @@ def time_pairs(
     batches: int = 12,
     progress: Callable[[str, float], None] = lambda _text, _share: None,
 ) -> list[Change]:
-    """Measure the ratio of times head/base between two checkouts, with a verdict, for each case and clock.
+    """Measure the ratio of times head/base between two checkouts, with a verdict,
+    for each case and clock.
 
-    Batches are run until the bounds of every case are narrow enough or show a change, but at most `batches`. A built-in
-    target is also timed in `sepv.ensemble`, because the engines belong to the same checkout.
+    Batches are run until the bounds of every case are narrow enough or show a change, but at most
+    `batches`. A built-in target is also timed in `sepv.ensemble`, because the engines belong to the
+    same checkout.
     """
     calls = ("step",) if ":" in target else ("step", "ensemble")
     timed = [Times(case, call) for case in cases for call in calls]
@@ -204,7 +220,9 @@ def measured(
     cases: Sequence[dict[str, Any]],
     progress: Callable[[str, float], None] = lambda _text, _share: None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Measure the work and errors of `target` in both checkouts by the same code; return the records (head, base)."""
+    """Measure the work and errors of `target` in both checkouts by the same code;
+    return the records (head, base).
+    """
     ours: list[Any] = []
     theirs: list[Any] = []
     with both(target, head, base) as sides:

@@ -1,4 +1,6 @@
-"""Records of the benchmark: in a JSON file (hex floats, sorted so that differences are readable), and as a table."""
+"""Records of the benchmark: in a JSON file (hex floats, sorted so that differences are readable),
+and as a table.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ def record(target: str, scheme: Scheme, cases: Iterable[dict[str, Any]]) -> dict
 
 
 def document(records: list[dict[str, Any]]) -> dict[str, Any]:
-    """The content of the file that `sepv bench --save` writes: the records, the format and the environment."""
+    """The content of the file that `sepv bench --save` writes: the records,
+    the format and the environment.
+    """
     return {"format": FORMAT, "environment": environment(), "records": records}
 
 
@@ -45,7 +49,9 @@ def load(path: str) -> list[dict[str, Any]]:
 
 
 def record_table(record: dict[str, Any]) -> Table:
-    """The table of one record: for each case a row with counts of work, rms error and rms defects of H and Casimirs."""
+    """The table of one record: for each case a row with counts of work,
+    rms error and rms defects of H and Casimirs.
+    """
     rows = [
         (
             case["case"]["name"].replace("harmonic-", "harmonic-\n"),

@@ -1,8 +1,9 @@
 """The process of one checkout in a paired measurement: it measures or times a scheme on request.
 
-It runs as a script, with the checkout first on the import path. `measure.py` and `_evaluation_count.py` are loaded from
-the checkout of this file, so that the same code measures both checkouts, however old the other one is. Questions and
-answers are JSON lines on stdin and stdout; what a scheme prints goes to stderr.
+It runs as a script, with the checkout first on the import path. `measure.py` and
+`_evaluation_count.py` are loaded from the checkout of this file, so that the same code measures
+both checkouts, however old the other one is. Questions and answers are JSON lines on stdin and
+stdout; what a scheme prints goes to stderr.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ def _from_file(name: str, path: Path) -> ModuleType:
 
 
 def main() -> None:
-    """Answer the questions on stdin (load, measure or time a scheme), one JSON object per line, until stdin ends."""
+    """Answer the questions on stdin (load, measure or time a scheme), one JSON object per line,
+    until stdin ends.
+    """
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     import sepv  # noqa: F401  (what follows belongs to the checkout's sepv)

@@ -1,1 +1,3 @@
-"""Comparison of methods on the same paths: errors, invariant defects, times and counts of evaluations."""
+"""Comparison of methods on the same paths: errors, invariant defects,
+times and counts of evaluations.
+"""

@@ -13,7 +13,9 @@ from sepv.studies._compare.record import Compared
 
 @dataclass(frozen=True)
 class Comparison(Compared):
-    """The result of `compare`: points in the order of methods and step sizes, and the settings of the run."""
+    """The result of `compare`: points in the order of methods and step sizes,
+    and the settings of the run.
+    """
 
     def _repr_html_(self) -> str:
         """The tables of `sepv compare` for a notebook: points, times to given errors, notes."""
@@ -26,12 +28,14 @@ class Comparison(Compared):
         )
 
     def plot(self) -> Any:
-        """Draw the strong error, and the largest change of H, of each method against processor time.
+        """Draw the strong error, and the largest change of H,
+        of each method against processor time.
 
         Returns
         -------
         matplotlib.figure.Figure
-            A notebook shows it; `savefig` writes it to a file. Markers are hollow where paths failed.
+            A notebook shows it; `savefig` writes it to a file. Markers are hollow where paths
+            failed.
 
         Raises
         ------

@@ -1,7 +1,9 @@
-"""Methods of a comparison, made from the names that a user gives: solvers of many paths with given increments.
+"""Methods of a comparison, made from the names that a user gives:
+solvers of many paths with given increments.
 
-All methods get the same Wiener increments, and so compute the same paths. A method's `prepare` does work that is not
-the method's own, such as moving arrays into another library. It returns a job; only this job is timed.
+All methods get the same Wiener increments, and so compute the same paths. A method's `prepare` does
+work that is not the method's own, such as moving arrays into another library. It returns a job;
+only this job is timed.
 """
 
 from __future__ import annotations
@@ -24,16 +26,20 @@ from sepv.studies._evaluation_count import Work, counted
 
 
 class Ends(NamedTuple):
-    """The ends of M paths at the final time T: states y (d, M), and the `sepv.core.newton.Status` of each path (M,)."""
+    """The ends of M paths at the final time T: states y (d, M),
+    and the `sepv.core.newton.Status` of each path (M,).
+    """
 
     y: Array
     status: np.ndarray
 
 
 class Followed(NamedTuple):
-    """The results of an untimed run of a method, in which invariant defects are measured and evaluations counted.
+    """The results of an untimed run of a method, in which invariant defects are measured and
+    evaluations counted.
 
-    energy_defect, casimir_defect : (M,), the largest |H(y_n) − H(y_0)| over the steps of each path, and the largest
+    energy_defect, casimir_defect : (M,), the largest |H(y_n) − H(y_0)| over the steps of each path,
+    and the largest
         |C(y_n) − C(y_0)| over steps and Casimirs C
     work : the evaluations, or None if the driver's evaluations cannot be counted
     stated_error : the error that the method itself estimates; 0 for schemes
@@ -46,28 +52,30 @@ class Followed(NamedTuple):
     stated_error: float = 0.0
 
 
-# Functions of (problem, y0 (d,), h, untruncated dW (N, m, M)). `Prepare` returns a job; `Follow` runs it with defects.
+# Functions of (problem, y0 (d,), h, untruncated dW (N, m, M)). `Prepare` returns a job; `Follow`
+# runs it with defects.
 Prepare = Callable[[Problem, Array, float, Array], Callable[[], Ends]]
 Follow = Callable[[Problem, Array, float, Array], Followed]
-# A function of (problem, y0, h, dW, keep) that returns a job, and the job returns states: see `from_states`.
+# A function of (problem, y0, h, dW, keep) that returns a job, and the job returns states: see
+# `from_states`.
 Run = Callable[[Problem, Array, float, Array, bool], Callable[[], Array]]
 
 
 @dataclass(frozen=True)
 class Method:
-    """A solver of whole paths that `compare` measures: a scheme, another library's solver, or the exact flow.
+    """A solver of whole paths that `compare` measures: a scheme, another library's solver,
+    or the exact flow.
 
-    Attributes
-    ----------
-    prepare, follow : functions that prepare the timed run, and that do the untimed run with defects
-    source : where the method comes from and how it is run
+    Attributes ---------- prepare, follow : functions that prepare the timed run, and that do
+    the untimed run with defects source : where the method comes from and how it is run
     batched : False for a method that computes one path at a time, which is given fewer paths
-    evaluations : evaluations of f = B∇H per step, if they are known from the method but cannot be counted
-    steps_matter : False for the exact flow φ_θ(y0), which uses W(T) only and no step size
-    truncation : the k of Remark 2.1 for the method's increments; None for untruncated increments
-    look : the look in pictures; None for a generated one, which no other method has
-    deterministic : True for a method without noise; the comparison is then made without noise, c = ()
-    called_each_step : True if Python calls a function for each step of a batch, False for one compiled loop
+    evaluations : evaluations of f = B∇H per step, if they are known from the method but
+    cannot be counted steps_matter : False for the exact flow φ_θ(y0), which uses W(T) only
+    and no step size truncation : the k of Remark 2.1 for the method's increments; None for
+    untruncated increments look : the look in pictures; None for a generated one, which no
+    other method has deterministic : True for a method without noise; the comparison is then
+    made without noise, c = () called_each_step : True if Python calls a function for each
+    step of a batch, False for one compiled loop
     """
 
     name: str
@@ -84,7 +92,9 @@ class Method:
 
 
 def invariant_defects(problem: Problem, states: Array) -> tuple[Array, Array]:
-    """The largest defects (M,) of H and (M,) of the Casimirs along states (N+1, d, M), evaluated in binary64."""
+    """The largest defects (M,) of H and (M,) of the Casimirs along states (N+1, d, M),
+    evaluated in binary64.
+    """
     with np.errstate(all="ignore"):
         values = invariants(problem, np.moveaxis(states, 1, 0))
         worst = np.max(np.abs(values - values[:, :1]), axis=1)
@@ -92,15 +102,20 @@ def invariant_defects(problem: Problem, states: Array) -> tuple[Array, Array]:
 
 
 def finite_ends(problem: Problem, y: Array) -> Ends:
-    """The `Ends` of a solver that returns states y only; a path fails if its y is not finite or outside the domain."""
+    """The `Ends` of a solver that returns states y only;
+    a path fails if its y is not finite or outside the domain.
+    """
     return Ends(y, judged(problem, y, np.zeros(y.shape[1], dtype=np.int64)))
 
 
 def from_scheme(scheme: Scheme, problem: Problem, engine: str = "auto") -> Method:
-    """The `Method` that runs a `sepv.Scheme` by `sepv.ensemble`, with increments truncated as the scheme declares.
+    """The `Method` that runs a `sepv.Scheme` by `sepv.ensemble`,
+    with increments truncated as the scheme declares.
 
-    engine : "auto" chooses the compiled engine (extra `fast`) if it can run the scheme on the problem, else "numpy".
-        The compiled engine is timed as users run it: it also computes the defects of invariants and the statuses.
+    engine : "auto" chooses the compiled engine (extra `fast`) if it can run the scheme on the
+    problem, else "numpy".
+        The compiled engine is timed as users run it: it also computes the defects of invariants and
+        the statuses.
     """
     target, reason = choose(engine, scheme, problem, compensated=False)
     whole = target.name != "numpy"
@@ -117,7 +132,9 @@ def _ends(run: Ensemble) -> Ends:
 
 
 def _in_batches(scheme: Scheme) -> tuple[Prepare, Follow]:
-    """The functions `prepare` and `follow` of a `Method` for a scheme that runs in NumPy batches of ≤ CHUNK paths."""
+    """The functions `prepare` and `follow` of a `Method` for a scheme that runs in NumPy batches of
+    ≤ CHUNK paths.
+    """
 
     def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
         parts = [np.ascontiguousarray(dW[:, :, p : p + CHUNK]) for p in range(0, dW.shape[2], CHUNK)]
@@ -139,7 +156,9 @@ def _in_batches(scheme: Scheme) -> tuple[Prepare, Follow]:
 
 
 def _by_target(scheme: Scheme, engine: str) -> tuple[Prepare, Follow]:
-    """The functions `prepare` and `follow` of a `Method` for a scheme that runs by `sepv.ensemble(engine=engine)`."""
+    """The functions `prepare` and `follow` of a `Method` for a scheme that runs by
+    `sepv.ensemble(engine=engine)`.
+    """
 
     def ensemble_for(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ensemble]:
         from sepv.simulate import ensemble
@@ -169,9 +188,11 @@ def _by_target(scheme: Scheme, engine: str) -> tuple[Prepare, Follow]:
 
 
 def _watched(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, work: Work) -> Problem:
-    """A copy of the problem that counts its evaluations in `work`, after a first step that is not counted.
+    """A copy of the problem that counts its evaluations in `work`,
+    after a first step that is not counted.
 
-    The first step may compute values that are kept for the problem. Their evaluations are not part of a usual step.
+    The first step may compute values that are kept for the problem. Their evaluations are not part
+    of a usual step.
     """
     watched = counted(problem, work)
     _run(scheme, watched, y0, h, dW[:1], track=False)
@@ -191,7 +212,8 @@ def _run(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, *, tr
 def from_states(name: str, run: Run, source: str, **more: Any) -> Method:
     """The `Method` of a solver that returns states only, from which failures are recognized.
 
-    run : a function (problem, y0, h, dW, keep) that returns a job. The job returns all states (N + 1, d, M) from y0 on
+    run : a function (problem, y0, h, dW, keep) that returns a job. The job returns all states
+    (N + 1, d, M) from y0 on
         if `keep` is true, else an array whose last entry is the states at T
     more : further fields of `Method`
     """
@@ -208,10 +230,12 @@ def from_states(name: str, run: Run, source: str, **more: Any) -> Method:
 
 
 def exact_time_change() -> Method:
-    """The `Method` that computes the exact solution φ_θ(y0), θ = T + Σ c_j W_j(T), by one dense solve for all paths.
+    """The `Method` that computes the exact solution φ_θ(y0), θ = T + Σ c_j W_j(T),
+    by one dense solve for all paths.
 
-    The method has no step size, so it gives one point of the comparison. Its error is the larger of its own estimate
-    and the measured error, because a reference without a closed form is computed in the same way.
+    The method has no step size, so it gives one point of the comparison. Its error is the larger of
+    its own estimate and the measured error, because a reference without a closed form is computed
+    in the same way.
     """
 
     def job_for(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], ExactFlow]:
@@ -240,9 +264,10 @@ NUMPY = "numpy/"
 def load_method(target: str, problem: Problem) -> Method:
     """The `Method` that a user's `target` names, for a comparison on `problem`.
 
-    A target is a built-in scheme, ``exact-flow``, a peer's solver, or module:attribute with a scheme or a `Method`.
-    ``numpy/SCHEME`` runs in NumPy batches even if the compiled engine could run it. The scheme first takes one step. If
-    its result is wrong, for example has a wrong shape, TargetError says so without a traceback.
+    A target is a built-in scheme, ``exact-flow``, a peer's solver, or module:attribute with a
+    scheme or a `Method`. ``numpy/SCHEME`` runs in NumPy batches even if the compiled engine could
+    run it. The scheme first takes one step. If its result is wrong, for example has a wrong shape,
+    TargetError says so without a traceback.
     """
     if target == EXACT:
         return exact_time_change()

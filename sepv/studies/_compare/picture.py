@@ -41,7 +41,9 @@ def comparison_figure(comparison: Compared) -> Any:
 
 
 def _error_curve(axes: Any, points: list[Point], look: Look) -> None:
-    """Draw the strong error with its interval against time, without errors that are 0 or infinite."""
+    """Draw the strong error with its interval against time, without errors that are 0 or
+    infinite.
+    """
     drawn = [p for p in points if 0 < p.strong.value < math.inf]
     pairs = [(p.microseconds_a_path, p.error) for p in drawn]
     x, y = np.array([x for x, _ in pairs]), np.array([y for _, y in pairs])
@@ -50,7 +52,9 @@ def _error_curve(axes: Any, points: list[Point], look: Look) -> None:
 
 
 def _curve(axes: Any, pairs: list[tuple[float, float]], points: list[Point], look: Look) -> None:
-    """Draw a curve; a marker is filled if every path was finished at this step size, and hollow if some failed."""
+    """Draw a curve; a marker is filled if every path was finished at this step size,
+    and hollow if some failed.
+    """
     axes.plot([x for x, _ in pairs], [y for _, y in pairs], **line(look, size=SIZE))
     whole = [xy for xy, p in zip(pairs, points, strict=True) if not p.failures]
     axes.plot([x for x, _ in whole], [y for _, y in whole], **_filled(look) | {"linestyle": "none"})

@@ -21,10 +21,12 @@ FORMAT = 1
 class Seconds:
     """The times of one run of all paths, in seconds.
 
-    median, low, high : the median and both quartiles of the processor time. Another program on the same core can double
+    median, low, high : the median and both quartiles of the processor time. Another program on the
+    same core can double
         the clock's time of a run, but not its processor time
-    wall : the median clock time, which is many times the processor time only if a driver waits for another process
-    first : the time of the first call less the median: the time of compilation, if any, else noise around 0
+    wall : the median clock time, which is many times the processor time only if a driver waits for
+    another process first : the time of the first call less the median: the time of compilation, if
+    any, else noise around 0
     """
 
     median: float
@@ -38,13 +40,13 @@ class Seconds:
 class Point:
     """The measurements of one method at one step size.
 
-    strong, weak : √E|y_N − y(T)|² and |E(y_N − y(T))| over the paths that were finished, with their intervals
-    energy_defect, casimir_defect : the largest |H(y_n) − H(y_0)| and |C(y_n) − C(y_0)| over steps, paths and Casimirs C
-    failures : the number of paths with a step that was not solved or left the domain
-    evaluations : the evaluations in one step of one path, by kind; empty if they cannot be counted
-    iterations : Newton iterations in one step of one path
-    steps_matter : False for the exact time change, whose only point has steps = 1, h = T
-    clipping : the rms error that truncated increments alone cause, in closed form (`sepv.exact._truncation_error`),
+    strong, weak : √E|y_N − y(T)|² and |E(y_N − y(T))| over the paths that were finished, with their
+    intervals energy_defect, casimir_defect : the largest |H(y_n) − H(y_0)| and |C(y_n) − C(y_0)|
+    over steps, paths and Casimirs C failures : the number of paths with a step that was not solved
+    or left the domain evaluations : the evaluations in one step of one path, by kind; empty if they
+    cannot be counted iterations : Newton iterations in one step of one path steps_matter : False
+    for the exact time change, whose only point has steps = 1, h = T clipping : the rms error that
+    truncated increments alone cause, in closed form (`sepv.exact._truncation_error`),
         because clipping is too rare for a sample to show it
     """
 
@@ -65,7 +67,9 @@ class Point:
 
     @property
     def error(self) -> float:
-        """The error √(strong² + clipping²): the strong error of the sample, and `clipping`, which no sample shows."""
+        """The error √(strong² + clipping²): the strong error of the sample, and `clipping`,
+        which no sample shows.
+        """
         return math.hypot(self.strong.value, self.clipping)
 
     @property
@@ -79,7 +83,9 @@ class Point:
         return 1e6 * self.seconds.median / self.paths
 
     def of_energy(self) -> Point:
-        """A copy of the point with the energy defect as its `error`, for `Comparison.times_to_energy_error`."""
+        """A copy of the point with the energy defect as its `error`,
+        for `Comparison.times_to_energy_error`.
+        """
         return replace(
             self, strong=replace(self.strong, value=max(self.energy_defect, TINY), half=0.0), clipping=0.0
         )
@@ -102,10 +108,12 @@ class Point:
 
 @dataclass(frozen=True)
 class TimeToError:
-    """The time in µs per path in which a method reaches a target error, and its energy defect at the finest h used.
+    """The time in µs per path in which a method reaches a target error,
+    and its energy defect at the finest h used.
 
-    how : "between" (interpolated log-log between two step sizes), "beyond" (extrapolated from the two finest step
-    sizes), "coarsest" (the coarsest step size is good enough) or "never" (errors do not decrease)
+    how : "between" (interpolated log-log between two step sizes), "beyond" (extrapolated from the
+    two finest step sizes), "coarsest" (the coarsest step size is good enough) or "never" (errors do
+    not decrease)
     """
 
     method: str
@@ -117,7 +125,9 @@ class TimeToError:
 
 @dataclass(frozen=True)
 class Compared:
-    """The points of a comparison in the order of methods and step sizes, and the settings of the run."""
+    """The points of a comparison in the order of methods and step sizes,
+    and the settings of the run.
+    """
 
     problem: str
     T: float
@@ -146,7 +156,9 @@ class Compared:
         return [time_to_error(self.of(m), target) for m in self.sources for target in self.targets]
 
     def times_to_energy_error(self) -> list[TimeToError]:
-        """The time in which each method reaches each of `targets` as largest |H(y_n) − H(y_0)| along the path."""
+        """The time in which each method reaches each of `targets` as largest |H(y_n)
+        − H(y_0)| along the path.
+        """
         return [
             time_to_error([p.of_energy() for p in self.of(m)], target)
             for m in self.sources
@@ -174,10 +186,11 @@ class Compared:
 
 
 def time_to_error(points: list[Point], target: float) -> TimeToError:
-    """The time in which one method reaches the error `target`, by log-log interpolation of time against error.
+    """The time in which one method reaches the error `target`,
+    by log-log interpolation of time against error.
 
-    Errors are those of `Point.error`. A step size counts only if every path was finished, because a method that loses
-    its worst paths would look too good.
+    Errors are those of `Point.error`. A step size counts only if every path was finished, because a
+    method that loses its worst paths would look too good.
     """
     usable = [p for p in points if not p.failures and 0 < p.error < np.inf]
     name = points[0].method if points else ""

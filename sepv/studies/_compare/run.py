@@ -1,4 +1,6 @@
-"""Run the methods of a comparison on the same paths in turn, so that a slow minute of the machine slows all methods."""
+"""Run the methods of a comparison on the same paths in turn,
+so that a slow minute of the machine slows all methods.
+"""
 
 from __future__ import annotations
 
@@ -26,12 +28,14 @@ from sepv.workers import run_all
 
 # The error probability of the two-sided interval of each point.
 ALPHA = 0.05
-# The number of paths for drivers that go path by path: at about 10 µs per step, all paths would take hours.
+# The number of paths for drivers that go path by path: at about 10 µs per step, all paths would
+# take hours.
 SINGLE_PATHS = 64
 # A job of fewer seconds is repeated within one measurement of time.
 SHORTEST_JOB_SECONDS = 2e-3
 
-# A function of the name of the current work and the fraction of the whole work that is done, 0 to 1.
+# A function of the name of the current work and the fraction of the whole work that is done, 0
+# to 1.
 MethodProgress = Callable[[str, float], None]
 
 
@@ -48,7 +52,8 @@ def compare(
     workers: Any = 1,
     progress: MethodProgress = lambda *_: None,
 ) -> Comparison:
-    """Measure errors (strong and weak), invariant defects, time and work of each method for each number of steps.
+    """Measure errors (strong and weak), invariant defects,
+    time and work of each method for each number of steps.
 
     If one of the methods is for problems without noise only, all methods run without noise, c = ().
 
@@ -56,16 +61,21 @@ def compare(
     ----------
     steps : numbers of steps up to T, increasing; each must divide the last
     paths : int ≥ 32, optional
-        1000 by default; methods that compute one path at a time take the first 64. Without noise all paths are equal:
-        `paths` is then 1 by default, and a larger number only makes the timed batch larger.
+        1000 by default; methods that compute one path at a time take the first 64. Without noise
+        all paths are equal: `paths` is then 1 by default, and a larger number only makes the timed
+        batch larger.
     repeats : int ≥ 1
-        The number of timed rounds; in each round every method runs once at every step size, in a rotating order.
+        The number of timed rounds; in each round every method runs once at every step size, in a
+        rotating order.
     targets : strong errors
-        For each of these errors, `Comparison.times_to_error` gives the time in which each method reaches it.
+        For each of these errors, `Comparison.times_to_error` gives the time in which each method
+        reaches it.
     progress : callable (text, share), optional
-        Called before each piece of work with its name and the fraction of the whole work that is done, 0 to 1.
+        Called before each piece of work with its name and the fraction of the whole work that is
+        done, 0 to 1.
     workers : int, executor, map-like callable, Dask client or its address
-        The workers (an int: threads) that compute errors and defects. Times are always measured in this process.
+        The workers (an int: threads) that compute errors and defects. Times are always measured in
+        this process.
 
     Raises
     ------
@@ -83,7 +93,8 @@ def compare(
     fine = wiener.increments(seed, T=T, steps=steps[-1], noises=problem.noises, paths=paths)
     exact = exact_flow(problem, problem.random_step(T, fine.sum(axis=0)))
     coarse = {count: wiener.coarsen(fine, steps[-1] // count) for count in steps}
-    # Pieces of work: for each method and step size the first call (which may compile), the errors, the timed rounds.
+    # Pieces of work: for each method and step size the first call (which may compile), the errors,
+    # the timed rounds.
     pieces, done = (2 + repeats) * sum(len(steps) if m.steps_matter else 1 for m in methods), 0
 
     def begin(text: str) -> None:
@@ -134,9 +145,9 @@ def compare(
 class _Cell(NamedTuple):
     """One pair of a method and a number of steps, to be measured.
 
-    job : runs all paths, to be timed
-    first : processor seconds of the first call of the job
-    watched : the method's `follow` and its arguments, for a further, untimed run that measures defects
+    job : runs all paths, to be timed first : processor seconds of the first call of the job
+    watched : the method's `follow` and its arguments, for a further, untimed run that measures
+    defects
     """
 
     method: Method
@@ -150,7 +161,9 @@ def _prepared(
     methods: Sequence[Method], problem: Problem, start: Array, T: float, coarse: dict[int, Array],
     begin: Callable[[str], None],
 ) -> tuple[list[_Cell], dict[str, str]]:  # fmt: skip
-    """Run each method once with each number of steps; return the cells of methods without an error, and the errors."""
+    """Run each method once with each number of steps; return the cells of methods without an error,
+    and the errors.
+    """
     cells: list[_Cell] = []
     failed: dict[str, str] = {}
     for method in methods:
@@ -170,7 +183,9 @@ def _prepared(
 
 
 def _follow(watched: tuple[Any, ...]) -> Followed | str:
-    """Run `follow` as `_Cell.watched` says; return its results, or the message if the method raises an error."""
+    """Run `follow` as `_Cell.watched` says; return its results,
+    or the message if the method raises an error.
+    """
     follow, *arguments = watched
     try:
         followed: Followed = follow(*arguments)
@@ -184,8 +199,8 @@ def _alternate(
 ) -> list[list[tuple[float, float]]]:
     """Measure (processor seconds, clock seconds) of each job in each of `repeats` rounds.
 
-    Rounds begin with different jobs. `begin` is the fraction of the whole comparison that is already done; `progress`
-    goes on from this fraction.
+    Rounds begin with different jobs. `begin` is the fraction of the whole comparison that is
+    already done; `progress` goes on from this fraction.
     """
     inner = [max(1, int(SHORTEST_JOB_SECONDS / max(_time(job)[1], 1e-9))) for job in jobs]
     times: list[list[tuple[float, float]]] = [[] for _ in jobs]
@@ -241,7 +256,9 @@ def _point(cell: _Cell, run: Followed, problem: Problem, T: float, exact: Array,
 
 
 def errors(difference: Array) -> tuple[Estimate, Estimate]:
-    """The strong and the weak error from differences y_N − y(T) (d, M), with intervals by a jackknife over paths."""
+    """The strong and the weak error from differences y_N − y(T) (d, M),
+    with intervals by a jackknife over paths.
+    """
     unbounded = Estimate(float("inf"), 0.0, ALPHA)
     if difference.shape[1] < GROUPS:
         return unbounded, unbounded
@@ -254,7 +271,9 @@ def errors(difference: Array) -> tuple[Estimate, Estimate]:
 
 
 def _only(difference: Array) -> tuple[Estimate, Estimate]:
-    """The error |y_N − y(T)| of the one path of a problem without noise, as its strong and its weak error."""
+    """The error |y_N − y(T)| of the one path of a problem without noise,
+    as its strong and its weak error.
+    """
     size = float(np.linalg.norm(difference[:, 0])) if difference.size else float("inf")
     error = Estimate(size if np.isfinite(size) else float("inf"), 0.0, ALPHA)
     return error, error
@@ -293,7 +312,8 @@ def _validate(
 
 @contextmanager
 def one_core() -> Iterator[bool]:
-    """Keep this process on one core within a `with` block, so that no library is faster because it uses two.
+    """Keep this process on one core within a `with` block,
+    so that no library is faster because it uses two.
 
     The block is given True, or False if the operating system cannot do this.
     """
@@ -309,7 +329,9 @@ def one_core() -> Iterator[bool]:
 
 
 def environment() -> dict[str, str]:
-    """The versions of Python, sepv and the loaded libraries, and the machine type of the processor."""
+    """The versions of Python, sepv and the loaded libraries, and the machine type of the
+    processor.
+    """
     import scipy
 
     from sepv._version import __version__

@@ -15,12 +15,14 @@ from sepv.statistics import Estimate
 if TYPE_CHECKING:
     from sepv.studies._compare.record import Compared, Point, TimeToError
 
-# The error of clipping is noted if it is more than this fraction of the strong error (its square is about a tenth).
+# The error of clipping is noted if it is more than this fraction of the strong error (its square is
+# about a tenth).
 CLIPPED = 0.3
 # The mark before a time to an error, for each value of `TimeToError.how`.
 MARKS = {"between": "", "beyond": "~", "coarsest": "≤"}
-# A driver is said to wait for something outside this process if its quotient of clock time to processor time is this
-# many times the median of all drivers. On a busy machine, the quotient is larger for all drivers.
+# A driver is said to wait for something outside this process if its quotient of clock time to
+# processor time is this many times the median of all drivers. On a busy machine, the quotient is
+# larger for all drivers.
 WAITS = 10.0
 
 # The headings of the columns, with their least widths.
@@ -33,7 +35,9 @@ DROPPED = ("±%", "B", "∇H", "Newton", "|ΔC|", "ns/step", "weak error", "|ΔH
 
 
 def heading(comparison: Compared) -> str:
-    """The line above the tables of points: the problem, T, and the meaning of errors, defects and times."""
+    """The line above the tables of points: the problem, T, and the meaning of errors,
+    defects and times.
+    """
     rounds = comparison.repeats
     known = "without noise: errors"
     if not comparison.deterministic:
@@ -50,7 +54,9 @@ def heading(comparison: Compared) -> str:
 
 
 def point_tables(comparison: Compared) -> list[Table]:
-    """One table for each method under its name, with a row for each step size; the tables' columns are aligned."""
+    """One table for each method under its name, with a row for each step size;
+    the tables' columns are aligned.
+    """
     absent = {"failed"} if not any(p.failures for p in comparison.points) else set()
     absent |= {"±%"} if comparison.repeats == 1 else set()  # one time has no spread
     absent |= {"weak error"} if comparison.deterministic else set()  # equal to the strong error
@@ -90,7 +96,8 @@ def _cells(comparison: Compared, p: Point) -> list[str]:
 
 
 def target_tables(comparison: Compared) -> list[Table]:
-    """A table of each method's time per path to reach each target as strong error, and of its energy defects then.
+    """A table of each method's time per path to reach each target as strong error,
+    and of its energy defects then.
 
     Without noise, a second table has the times to reach each target as largest |H(y_n) − H(y_0)|.
     """
@@ -116,7 +123,9 @@ def _target_table(comparison: Compared, times: list[TimeToError], title: str) ->
 
 
 def notes(comparison: Compared) -> list[str]:
-    """Notes below the table: on marks, compilation, methods with fewer paths, clipping, failed paths, slow drivers."""
+    """Notes below the table: on marks, compilation, methods with fewer paths, clipping,
+    failed paths, slow drivers.
+    """
     lines = []
     ways = {t.how for t in comparison.times_to_error()}
     if "beyond" in ways:
@@ -161,7 +170,9 @@ def notes(comparison: Compared) -> list[str]:
 
 
 def to_csv(comparison: Compared) -> str:
-    """The points as CSV: one line for each method and step size, with an empty field for a missing number."""
+    """The points as CSV: one line for each method and step size,
+    with an empty field for a missing number.
+    """
     rows = [_csv_row(comparison.problem, p) for name in comparison.sources for p in comparison.of(name)]
     text = io.StringIO()
     writer = csv.DictWriter(text, rows[0], lineterminator="\n")

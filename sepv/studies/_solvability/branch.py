@@ -1,11 +1,14 @@
-"""The branch of solutions y1(Δ) of a step's equation y1 = y0 + Δ G(y0, y1), followed from y0 at Δ = 0 to its end.
+"""The branch of solutions y1(Δ) of a step's equation y1 = y0 + Δ G(y0, y1),
+followed from y0 at Δ = 0 to its end.
 
-The method is pseudo-arclength continuation (H. B. Keller, 1977) of (z, Δ) with z = y1 − y0. A step goes along the
-tangent of the curve F(z, Δ) = z − Δ G = 0 and is corrected across the tangent. A fold, where ∂F/∂z is singular and
-dΔ/ds changes sign, is then a point like any other. The branches of all states y0 are followed together.
+The method is pseudo-arclength continuation (H. B. Keller, 1977) of (z, Δ) with z = y1 − y0. A step
+goes along the tangent of the curve F(z, Δ) = z − Δ G = 0 and is corrected across the tangent. A
+fold, where ∂F/∂z is singular and dΔ/ds changes sign, is then a point like any other. The branches
+of all states y0 are followed together.
 
-The solution y1 lies on the set {H = H(y0)}. If this set is bounded, so are all solutions, and by the Leray-Schauder
-theorem the curve meets every Δ, beyond folds if need be. If it is not bounded, solutions may end.
+The solution y1 lies on the set {H = H(y0)}. If this set is bounded, so are all solutions, and by
+the Leray-Schauder theorem the curve meets every Δ, beyond folds if need be. If it is not bounded,
+solutions may end.
 """
 
 from __future__ import annotations
@@ -24,16 +27,19 @@ from sepv.record import TINY
 from sepv.schemes import BY_FILE, Implicit, Scheme, energy_preserving
 
 MOST_STEPS = 4000
-# The longest arclength of a step, to be multiplied by 1 + |z| so that a branch can reach infinity; and the shortest.
+# The longest arclength of a step, to be multiplied by 1 + |z| so that a branch can reach infinity;
+# and the shortest.
 LONGEST, SHORTEST = 0.05, 1e-9
-# The arclength to which a fold is located. Δ has a maximum at the fold, so that the error of Δ is about its square.
+# The arclength to which a fold is located. Δ has a maximum at the fold, so that the error of Δ is
+# about its square.
 FOLD = 1e-6
 # The least cosine of the angle by which the tangent turns in a step: arccos 0.95 ≈ 18°.
 LEAST_TURN_COSINE = 0.95
 # If |z| is more than this multiple of |y0|, the branch is taken to escape to infinity.
 ESCAPE_FACTOR = 1e6
 
-# The width of central differences, relative to the component; its cube is of the size of a rounding error.
+# The width of central differences, relative to the component; its cube is of the size of a rounding
+# error.
 WIDTH = 6e-6
 
 # For each scheme y1 = y0 + R with R linear in one Δ: the functions R and ∂R/∂y1.
@@ -58,9 +64,9 @@ class End(Worded):
 class Branch:
     """The branches of solutions from M states, for Δ > 0 or for Δ < 0.
 
-    reach : (M,), the |Δ| up to which the branch is a function y1(Δ), at most the end of the range of Δ
-    end : (M,), the `End` of each branch
-    delta, z : Δ (P, M) and y1 − y0 (P, d, M) at P points of each curve from Δ = 0 to its end, with NaN after the end
+    reach : (M,), the |Δ| up to which the branch is a function y1(Δ), at most the end of the range
+    of Δ end : (M,), the `End` of each branch delta, z : Δ (P, M) and y1 − y0 (P, d, M) at P points
+    of each curve from Δ = 0 to its end, with NaN after the end
     """
 
     reach: Array
@@ -70,7 +76,8 @@ class Branch:
 
 
 def follow(problem: Problem, y0: Array, furthest: float, scheme: Scheme = energy_preserving) -> Branch:
-    """Follow the branches of solutions from the states y0 (d, M), for Δ from 0 to `furthest`, which may be negative.
+    """Follow the branches of solutions from the states y0 (d, M), for Δ from 0 to `furthest`,
+    which may be negative.
 
     Raises UsageError for a scheme whose step is not an equation in Δ alone.
     """
@@ -91,7 +98,8 @@ def follow(problem: Problem, y0: Array, furthest: float, scheme: Scheme = energy
 class _Follower:
     """The curves (z, Δ) of solutions, z = y1 − y0, for M states y0 while they are followed.
 
-    The unknowns w (d + 1, M) are z divided by the largest |component| of y0, and Δ divided by `furthest`.
+    The unknowns w (d + 1, M) are z divided by the largest |component| of y0, and Δ divided by
+    `furthest`.
     """
 
     def __init__(self, problem: Problem, y0: Array, furthest: float, increment: IncrementFunction) -> None:
@@ -104,7 +112,9 @@ class _Follower:
         self.end = np.full(M, -1)
 
     def equations(self, w: Array, lanes: np.ndarray) -> tuple[Array, Array]:
-        """The scaled F = z − Δ G (d, M) and ∂F/∂w (d, d + 1, M) at w (d + 1, M), for the states `lanes`."""
+        """The scaled F = z − Δ G (d, M) and ∂F/∂w (d, d + 1, M) at w (d + 1, M),
+        for the states `lanes`.
+        """
         y0, scale = self.y0[:, lanes], self.scale[lanes]
         delta, z = self.furthest * w[-1], scale * w[:-1]
         one = np.ones((1, lanes.size))
@@ -119,7 +129,8 @@ class _Follower:
     def slope(self, y0: Array, y1: Array, one: Array, k: int) -> Array:
         """The derivative ∂G/∂y1_k by central differences, with an error of about 1e-10.
 
-        Folds are located by these derivatives, because the analytic ones are averages that are exact for some H only.
+        Folds are located by these derivatives, because the analytic ones are averages that are
+        exact for some H only.
         """
         size = np.abs(y1[k])
         width = WIDTH * np.where(size > 1e-3 * self.scale_of(y1), size, 1e-3 * self.scale_of(y1))
@@ -155,7 +166,9 @@ class _Follower:
         return Branch(reach, self.end, self.furthest * curve[:, -1], self.scale * curve[:, :-1])
 
     def direction(self, w: Array, lanes: np.ndarray, before: Array) -> Array:
-        """The unit tangents of the curves at w, (d + 1, M), with a positive component along `before`."""
+        """The unit tangents of the curves at w, (d + 1, M),
+        with a positive component along `before`.
+        """
         _, J = self.equations(w, lanes)
         side = np.zeros_like(w)
         side[-1] = 1.0
@@ -163,7 +176,9 @@ class _Follower:
         return np.asarray(t / np.sqrt((t * t).sum(axis=0)))
 
     def advance(self, lanes: np.ndarray) -> None:
-        """Try a step on each branch of `lanes`: keep it if Newton converges and the tangent turns little; note ends."""
+        """Try a step on each branch of `lanes`: keep it if Newton converges and the tangent turns
+        little; note ends.
+        """
         t, ds = self.tangent[:, lanes], self.ds[lanes]
         w, good, quick = self.correct(self.w[:, lanes] + ds * t, t, lanes)
         new = self.direction(w, lanes, t)
@@ -187,9 +202,11 @@ class _Follower:
         self.end[lanes[short]] = np.where(inside[short], End.LOST, End.BOUNDARY)
 
     def correct(self, start: Array, t: Array, lanes: np.ndarray) -> tuple[Array, np.ndarray, np.ndarray]:
-        """The points of the curves on the hyperplanes through `start` (d + 1, M) normal to t, and two flags for each.
+        """The points of the curves on the hyperplanes through `start` (d + 1, M) normal to t,
+        and two flags for each.
 
-        The flags say if Newton's iteration for F = 0 converged, and if it took at most four iterations.
+        The flags say if Newton's iteration for F = 0 converged, and if it took at most four
+        iterations.
         """
 
         def advance(values: Any, numbers: Lanes) -> tuple[Array, Array, Flagged]:

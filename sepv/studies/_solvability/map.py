@@ -1,4 +1,6 @@
-"""The map of solvability: where on an exact orbit a step Δ has a solution, and how probable steps without one are."""
+"""The map of solvability: where on an exact orbit a step Δ has a solution,
+and how probable steps without one are.
+"""
 
 from __future__ import annotations
 
@@ -18,17 +20,22 @@ from sepv.schemes import Scheme, energy_preserving
 from sepv.simulate import truncation_bound
 from sepv.studies._solvability.branch import EQUATIONS, Branch, End, follow
 
-# A solution found by Newton counts as the connected one if the two differ by at most this fraction of |y0| + |y1 − y0|.
-# Both have errors of rounding times a condition number, which grows towards the fold.
+# A solution found by Newton counts as the connected one if the two differ by at most this fraction
+# of |y0| + |y1 − y0|. Both have errors of rounding times a condition number, which grows towards
+# the fold.
 SAME_SOLUTION_TOLERANCE = 1e-4
-# The search for shorter branches between the states: rounds, minima per round, new states on either side of a minimum.
+# The search for shorter branches between the states: rounds, minima per round, new states on either
+# side of a minimum.
 ROUNDS, LOWEST, POINTS = 3, 2, 4
-# Gauss nodes for each noise but one: the integrand is smooth except for two jumps of size P(|ξ| > A_h).
+# Gauss nodes for each noise but one: the integrand is smooth except for two jumps of size
+# P(|ξ| > A_h).
 NODES = 128
 
 
 class Ending(Worded):
-    """The result at one y0 and Δ: whether a solution connected to y0 exists, and whether Newton's method finds it."""
+    """The result at one y0 and Δ: whether a solution connected to y0 exists,
+    and whether Newton's method finds it.
+    """
 
     FOUND = 0, "connected solution, found"
     MISSED = 1, "connected solution, not found"
@@ -39,7 +46,8 @@ class Ending(Worded):
 
 @dataclass(frozen=True)
 class Shortest:
-    """Branches from R further states of the exact orbit, at times theta (R,), near states with the shortest branches.
+    """Branches from R further states of the exact orbit, at times theta (R,),
+    near states with the shortest branches.
 
     forward, backward : (R,), the |Δ| that the branches reach for Δ > 0 and for Δ < 0
     """
@@ -53,10 +61,10 @@ class Shortest:
 class Map:
     """The solvability of a scheme's steps Δ from states along an exact orbit.
 
-    Attributes
-    ----------
-    theta, states : times (M,) of the exact flow from the initial state, and the states (d, M) at these times. Exact
-        solutions of (1.1) stay on this orbit; numerical paths may leave it (`sepv.studies._solvability.paths`).
+    Attributes ---------- theta, states : times (M,) of the exact flow from the initial state, and
+    the states (d, M) at these times. Exact
+        solutions of (1.1) stay on this orbit; numerical paths may leave it
+        (`sepv.studies._solvability.paths`).
     delta : (K,), the grid of Δ, with both signs
     findings : (K, M), the `Ending` for each Δ and state
     forward, backward : the branches for Δ > 0 and Δ < 0
@@ -75,20 +83,26 @@ class Map:
 
     @property
     def safe(self) -> tuple[float, float]:
-        """The range (−a, b) of Δ in which all branches found, of the map and of `refined`, have solutions.
+        """The range (−a, b) of Δ in which all branches found, of the map and of `refined`,
+        have solutions.
 
-        For other states of the orbit this is no bound, but the end of a branch in a fold varies continuously with y0.
+        For other states of the orbit this is no bound, but the end of a branch in a fold varies
+        continuously with y0.
         """
         ends = [(self.backward.reach, self.forward.reach), (self.refined.backward, self.refined.forward)]
         low, high = (float(min(r[side].min(initial=np.inf) for r in ends)) for side in (0, 1))
         return -low, high
 
     def chances(self, h: float, k: int | None) -> Array:
-        """The probabilities (M,), for each state of the map, that the Δ of a step h is beyond the state's branches."""
+        """The probabilities (M,), for each state of the map,
+        that the Δ of a step h is beyond the state's branches.
+        """
         return chance_outside(h, self.problem.c, -self.backward.reach, self.forward.reach, k)
 
     def worst(self, h: float, k: int | None) -> float:
-        """The largest probability that Δ is beyond a branch, over the states of the map and of `refined`."""
+        """The largest probability that Δ is beyond a branch,
+        over the states of the map and of `refined`.
+        """
         further = chance_outside(h, self.problem.c, -self.refined.backward, self.refined.forward, k)
         return float(max(self.chances(h, k).max(), further.max(initial=0.0)))
 
@@ -97,7 +111,9 @@ class Map:
         return {kind: int(np.count_nonzero(self.findings == kind)) for kind in Ending}
 
     def to_json(self, steps: tuple[float, ...], k: int | None) -> dict[str, Any]:
-        """All numbers of the map, and the `chances` with each of the step sizes `steps`, for a JSON file."""
+        """All numbers of the map, and the `chances` with each of the step sizes `steps`,
+        for a JSON file.
+        """
         return {
             "problem": self.problem.name,
             "scheme": self.scheme.name,
@@ -132,7 +148,8 @@ def solvability_map(
     y0: Array | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Map:
-    """Compute the map of solvability for |Δ| ≤ `furthest` over `states` states of the exact orbit through y0.
+    """Compute the map of solvability for |Δ| ≤ `furthest` over `states` states of the exact orbit
+    through y0.
 
     The states are at equidistant times from 0 to `time`.
 
@@ -144,7 +161,8 @@ def solvability_map(
     Raises
     ------
     UsageError
-        If branches cannot be followed for the scheme or the problem, or if there is no initial state.
+        If branches cannot be followed for the scheme or the problem, or if there is no initial
+        state.
     """
     theta = np.linspace(0.0, time, states)
     progress("the orbit")
@@ -164,9 +182,11 @@ def solvability_map(
 
 
 def _refine(problem: Problem, scheme: Scheme, y0: Array | None, furthest: float, known: Array) -> Shortest:
-    """Follow branches from further states where the |Δ| reached is smallest; in each round they are 5 times closer.
+    """Follow branches from further states where the |Δ| reached is smallest;
+    in each round they are 5 times closer.
 
-    `known` (3, M): times of the exact flow, and the |Δ| that branches from these states reach for Δ > 0 and Δ < 0.
+    `known` (3, M): times of the exact flow, and the |Δ| that branches from these states reach for
+    Δ > 0 and Δ < 0.
     """
     theta = known[0]
     for _ in range(ROUNDS):
@@ -182,7 +202,8 @@ def _refine(problem: Problem, scheme: Scheme, y0: Array | None, furthest: float,
 
 
 def _between(theta: Array, reach: Array, furthest: float) -> list[float]:
-    """New times next to the local minima of `reach`: POINTS times between a minimum and each of its two neighbours.
+    """New times next to the local minima of `reach`: POINTS times between a minimum and each of its
+    two neighbours.
 
     Only minima below `furthest` are used, and only the LOWEST smallest of these.
     """
@@ -215,7 +236,9 @@ def _row(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branc
 
 
 def _on_branch(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branch) -> Array:
-    """The solutions y1 (d, M) on the branches at Δ, by Newton's method from a point interpolated on each curve."""
+    """The solutions y1 (d, M) on the branches at Δ, by Newton's method from a point interpolated on
+    each curve.
+    """
     (before, after), share = _place(branch, delta)
     lanes = np.arange(branch.reach.size)
     a, b = branch.z[before, :, lanes].T, branch.z[after, :, lanes].T
@@ -223,12 +246,15 @@ def _on_branch(problem: Problem, scheme: Scheme, y: Array, delta: float, branch:
     step = np.full((1, y.shape[1]), delta)
     solution = solve(problem, y, step, *EQUATIONS[scheme.name], start=near)
     settled = solution.status == Status.CONVERGED
-    # Next to a fold the equation is nearly singular. If it is not solved, the interpolated point is used.
+    # Next to a fold the equation is nearly singular. If it is not solved, the interpolated point is
+    # used.
     return np.where(settled, solution.value, y + near)
 
 
 def _place(branch: Branch, delta: float) -> tuple[np.ndarray, Array]:
-    """Indices (2, M) of each curve's points before and after |Δ|, and the position (0 to 1) of |Δ| between them."""
+    """Indices (2, M) of each curve's points before and after |Δ|, and the position (0 to 1)
+    of |Δ| between them.
+    """
     reached = np.abs(branch.delta)
     before = np.nanargmax(np.where(reached <= abs(delta), reached, -1.0), axis=0)
     lanes = np.arange(branch.reach.size)
@@ -245,7 +271,8 @@ def _place(branch: Branch, delta: float) -> tuple[np.ndarray, Array]:
 
 
 def chance_outside(h: float, noise: ArrayLike, low: ArrayLike, high: ArrayLike, k: int | None = 2) -> Array:
-    """P(Δ ≤ low or Δ ≥ high) for the random step Δ = h + Σ c_jΔŴ_j, truncated with k (Remark 2.1; None: untruncated).
+    """P(Δ ≤ low or Δ ≥ high) for the random step Δ = h + Σ c_jΔŴ_j,
+    truncated with k (Remark 2.1; None: untruncated).
 
     Parameters
     ----------
@@ -254,10 +281,9 @@ def chance_outside(h: float, noise: ArrayLike, low: ArrayLike, high: ArrayLike, 
         The c_j.
     low, high : (M,), low < 0 < high.
 
-    Notes
-    -----
-    For one noise, P is the sum of two tails of a normal law. If ΔŴ is truncated, tails beyond |ΔŴ| = √h A_h are 0. For
-    several truncated noises, all but one are integrated, by Gauss nodes on (−A_h, A_h) and the two atoms ±A_h.
+    Notes ----- For one noise, P is the sum of two tails of a normal law. If ΔŴ is truncated, tails
+    beyond |ΔŴ| = √h A_h are 0. For several truncated noises, all but one are integrated, by Gauss
+    nodes on (−A_h, A_h) and the two atoms ±A_h.
     """
     c = np.asarray(noise, dtype=np.float64).reshape(-1)
     c = c[c > 0] * np.sqrt(h)
@@ -271,7 +297,9 @@ def chance_outside(h: float, noise: ArrayLike, low: ArrayLike, high: ArrayLike, 
 
 
 def _truncated(c: Array, below: Array, above: Array, bound: float) -> Array:
-    """P(S ≤ below or S ≥ above) for S = Σ c_j ζ_j, with independent standard normal ζ_j clipped to |ζ_j| ≤ `bound`."""
+    """P(S ≤ below or S ≥ above) for S = Σ c_j ζ_j, with independent standard normal ζ_j clipped to
+    |ζ_j| ≤ `bound`.
+    """
     if c.size == 1:
         up, down = above / c[0], -below / c[0]
         return np.where(up <= bound, _tail(up), 0.0) + np.where(down <= bound, _tail(down), 0.0)

@@ -1,8 +1,10 @@
-"""Numerical paths of a scheme, each until a step is refused, to see for how long a step size is safe.
+"""Numerical paths of a scheme, each until a step is refused,
+to see for how long a step size is safe.
 
-The map of solvability uses states of the exact orbit. A numerical path leaves this orbit if the scheme does not keep
-all invariants. Scheme (2.1), for example, steadily loses the logarithmic Casimir of Lotka-Volterra, and so reaches
-states whose branches of solutions are shorter. Only numerical paths show when this happens.
+The map of solvability uses states of the exact orbit. A numerical path leaves this orbit if the
+scheme does not keep all invariants. Scheme (2.1), for example, steadily loses the logarithmic
+Casimir of Lotka-Volterra, and so reaches states whose branches of solutions are shorter. Only
+numerical paths show when this happens.
 """
 
 from __future__ import annotations
@@ -21,9 +23,11 @@ from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
 from sepv.simulate import ensemble
 
-# The steps of the first horizon (the time to which paths are followed); each next horizon is twice as far.
+# The steps of the first horizon (the time to which paths are followed); each next horizon is twice
+# as far.
 FIRST = 256
-# The next horizon is started if this factor times its expected seconds (twice those of the last one) are left.
+# The next horizon is started if this factor times its expected seconds (twice those of the last
+# one) are left.
 TIME_RESERVE = 1.5
 # The confidence level of the bound on the probability that a path fails.
 CONFIDENCE = 0.95
@@ -33,9 +37,9 @@ CONFIDENCE = 0.95
 class Exits:
     """The times at which paths of one scheme and step size ended because a step was refused.
 
-    until, asked : the time to which paths were followed, and the requested time, which is later if `seconds` ran out
-    times : (F,), the start of the refused step of each of the F paths that failed, increasing
-    statuses : the number of refused steps by name of `Status`
+    until, asked : the time to which paths were followed, and the requested time, which is later if
+    `seconds` ran out times : (F,), the start of the refused step of each of the F paths that
+    failed, increasing statuses : the number of refused steps by name of `Status`
     """
 
     scheme: str
@@ -48,7 +52,9 @@ class Exits:
 
     @property
     def failed(self) -> int:
-        """The number of paths with a refused step; `sepv.schemes.continued` tells if a refused step has a solution."""
+        """The number of paths with a refused step; `sepv.schemes.continued` tells if a refused step
+        has a solution.
+        """
         return int(self.times.size)
 
     @property
@@ -69,7 +75,9 @@ class Exits:
 
     @property
     def share(self) -> float:
-        """The upper 95 % bound of the probability that a path fails by the time `until` (Clopper and Pearson)."""
+        """The upper 95 % bound of the probability that a path fails by the time `until` (Clopper
+        and Pearson).
+        """
         from scipy.special import betaincinv
 
         if self.failed == self.paths:
@@ -94,11 +102,12 @@ def follow_paths(
     seconds: float = 60.0,
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[Exits]:
-    """Follow paths of `scheme` with each of the step sizes `steps` up to the time `until` or their first refused step.
+    """Follow paths of `scheme` with each of the step sizes `steps` up to the time `until` or their
+    first refused step.
 
-    For each h, all paths are run to a short time; if some survive, a new run is twice as long, up to `until`, while
-    seconds are left. The step sizes that remain share the `seconds` that remain. k is the truncation of the increments
-    (Remark 2.1), None for untruncated increments.
+    For each h, all paths are run to a short time; if some survive, a new run is twice as long, up
+    to `until`, while seconds are left. The step sizes that remain share the `seconds` that remain.
+    k is the truncation of the increments (Remark 2.1), None for untruncated increments.
     """
 
     def horizon(h: float, count: int, most: int) -> Exits:

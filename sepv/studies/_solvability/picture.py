@@ -1,4 +1,5 @@
-"""Picture of a map of solvability: solutions by state and Δ, the probability of a Δ without solution, exits of paths.
+"""Picture of a map of solvability: solutions by state and Δ,
+the probability of a Δ without solution, exits of paths.
 
 Needs the extra ``plots``.
 """
@@ -99,12 +100,15 @@ def _chances(axes: Any, map_: Map, steps: Sequence[float], k: int | None) -> Non
 
 
 def _exits(axes: Any, exits: Sequence[Exits]) -> None:
-    """Draw the times at which steps were refused against h, with a triangle if no step was refused."""
+    """Draw the times at which steps were refused against h, with a triangle if no step was
+    refused.
+    """
     axes.set_title("exits of paths: first (circles), half of them (squares)", fontsize=9)
     for number, (name, look) in enumerate(looks(e.scheme for e in exits).items()):
         of_scheme = [e for e in exits if e.scheme == name]
         for what, marker, dash in (("first", "o", ""), ("median", "s", "4 2")):
-            # An exit in the first step, at t = 0, is drawn at t = h, because the axis is logarithmic.
+            # An exit in the first step, at t = 0, is drawn at t = h, because the axis is
+            # logarithmic.
             shown = [(e.h, max(t, e.h)) for e in of_scheme for t in [getattr(e, what)] if t is not None]
             if shown:
                 axes.plot(*zip(*shown, strict=True), **line(replace(look, marker=marker, dash=dash)))

@@ -1,9 +1,11 @@
-"""A card as a target (the extra cuda), and the same text on this machine's processor, by its C compiler.
+"""A card as a target (the extra cuda), and the same text on this machine's processor,
+by its C compiler.
 
-Read the C first: `path.c`, the loop over the steps of a path; `newton.c`, `explicit.c` or `stages.c`, the solution of a
-step; `draw.c`, the increments. `text` prints a problem's and a scheme's functions before them (`printer`); `devices`
-compiles and launches, on a card by CuPy, which uses NVRTC, or on the host; `chunk` drives a chunk of paths on a device.
-A path whose step the kernel does not solve waits for the core, which solves it, and then catches up.
+Read the C first: `path.c`, the loop over the steps of a path; `newton.c`, `explicit.c` or
+`stages.c`, the solution of a step; `draw.c`, the increments. `text` prints a problem's and a
+scheme's functions before them (`printer`); `devices` compiles and launches, on a card by CuPy,
+which uses NVRTC, or on the host; `chunk` drives a chunk of paths on a device. A path whose step the
+kernel does not solve waits for the core, which solves it, and then catches up.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""A chunk of paths whose steps run on a device (`devices`): its arrays stay there until a result is asked for."""
+"""A chunk of paths whose steps run on a device (`devices`):
+its arrays stay there until a result is asked for.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ from sepv.simulate.targets.cuda.text import draw_text, kernel_text
 
 # The status of a path whose step waits for the core (`path.c`).
 FROZEN = -1
-# The bytes of the increments that are drawn before they are used, and the fewest and most steps of such a block.
+# The bytes of the increments that are drawn before they are used, and the fewest and most steps of
+# such a block.
 BLOCK_BYTES, FEWEST, MOST = 2**29, 16, 256
 
 
@@ -31,7 +34,9 @@ def block_length(noises: int, paths: int) -> int:
 
 
 def bytes_of_path(task: Task) -> int:
-    """The bytes of a path's arrays: state and results, increments that wait, and the streams that draw them."""
+    """The bytes of a path's arrays: state and results, increments that wait,
+    and the streams that draw them.
+    """
     problem = task.problem if isinstance(task.problem, Problem) else build(task.problem)
     m, grid = problem.noises, wiener.grid(task.steps, task.refine)
     normals = grid.base << grid.top if grid.base <= wiener.TOP else 0
@@ -40,13 +45,17 @@ def bytes_of_path(task: Task) -> int:
 
 @lru_cache(maxsize=1)
 def layers() -> tuple[np.ndarray, ...]:
-    """The tables of NumPy's ziggurat (numpy/random/src/distributions/ziggurat_constants.h): limits, widths, heights."""
+    """The tables of NumPy's ziggurat (numpy/random/src/distributions/ziggurat_constants.h): limits,
+    widths, heights.
+    """
     with np.load(Path(__file__).parent / "ziggurat.npz") as tables:
         return tables["ki"], tables["wi"], tables["fi"]
 
 
 class Chunk:
-    """A chunk of paths at some step; `advance` takes further steps, as the chunks of the other targets do."""
+    """A chunk of paths at some step; `advance` takes further steps,
+    as the chunks of the other targets do.
+    """
 
     def __init__(self, task: Task, problem: Problem, device: Any) -> None:
         self.task, self.problem, self.device = task, problem, device
@@ -83,7 +92,9 @@ class Chunk:
             self.done += count
 
     def _solved(self, dW: Any, arguments: Any) -> bool:
-        """Step the paths that wait by the scheme's own solver, and let them catch up; False if none waits."""
+        """Step the paths that wait by the scheme's own solver, and let them catch up;
+        False if none waits.
+        """
         xp, task = self.device.xp, self.task
         lanes = xp.flatnonzero(self.status == FROZEN)
         if not lanes.size:
@@ -117,7 +128,9 @@ class Chunk:
         return self.y.copy()
 
     def result(self, kept: Any) -> Ensemble:
-        """The present states as an `Ensemble` of arrays of the device; `kept` are the states at the chosen times."""
+        """The present states as an `Ensemble` of arrays of the device;
+        `kept` are the states at the chosen times.
+        """
         iterations, gradients, structures = (int(v) for v in self.work.sum(axis=1))
         return Ensemble(
             y=self.y, W=self.W, status=self.status, failed_step=self.failed_step, energy_defect=self.worst[0],
@@ -143,7 +156,9 @@ class Given:
 
 
 class Drawn:
-    """Blocks of `length` increments of m noises drawn on a device, with the bits of `sepv.simulate._wiener`."""
+    """Blocks of `length` increments of m noises drawn on a device,
+    with the bits of `sepv.simulate._wiener`.
+    """
 
     def __init__(self, task: Task, device: Any, m: int, length: int) -> None:
         self.task, self.length, self.start, xp, M = task, length, -1, device.xp, task.count

@@ -1,8 +1,8 @@
 """Devices run a kernel: a card by CuPy, or the processor of this machine by its C compiler.
 
-A device has `xp`, the module of its arrays (cupy or numpy), `compiled(text)`, which gives a function
-launch(kernel, threads, *arguments) for a kernel's text (`exact`: no product and sum become one fma), and
-`fetched(array)`, a NumPy array of an array's numbers.
+A device has `xp`, the module of its arrays (cupy or numpy), `compiled(text)`, which gives a
+function launch(kernel, threads, *arguments) for a kernel's text (`exact`: no product and sum become
+one fma), and `fetched(array)`, a NumPy array of an array's numbers.
 """
 
 from __future__ import annotations
@@ -25,12 +25,15 @@ from sepv.errors import UsageError
 from sepv.files import cache_folder
 
 Launch = Callable[..., None]
-# Threads of a block on a card: four warps share a table of the ziggurat, and a multiprocessor holds many such blocks.
+# Threads of a block on a card: four warps share a table of the ziggurat, and a multiprocessor holds
+# many such blocks.
 THREADS = 128
 
 
 def _argument(value: Any) -> Any:
-    """Integers as int64 and floats as float64, the only types of numbers in a kernel's arguments."""
+    """Integers as int64 and floats as float64, the only types of numbers in a kernel's
+    arguments.
+    """
     if isinstance(value, (np.generic, int, float)):
         kind = np.int64 if isinstance(value, (int, np.integer)) else np.float64
         return kind(value)
@@ -38,7 +41,9 @@ def _argument(value: Any) -> Any:
 
 
 class Card:
-    """The current CUDA device, with CuPy. NVRTC compiles the text, and CuPy keeps compiled code on disk."""
+    """The current CUDA device, with CuPy. NVRTC compiles the text,
+    and CuPy keeps compiled code on disk.
+    """
 
     def __init__(self) -> None:
         import cupy
@@ -70,7 +75,9 @@ class Card:
 
 
 class Host:
-    """The machine's processor, for tests where there is no card: its C compiler, and the threads in a loop."""
+    """The machine's processor, for tests where there is no card: its C compiler,
+    and the threads in a loop.
+    """
 
     xp: Any = np
 
@@ -106,7 +113,8 @@ def compiler() -> str | None:
     return shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc") or shutil.which("clang")
 
 
-# Without contraction to fma, so that the roundings are NumPy's. Tests compile longer than they run, hence -O1.
+# Without contraction to fma, so that the roundings are NumPy's. Tests compile longer than they run,
+# hence -O1.
 FLAGS = ("-x", "c", "-std=gnu11", "-O1", "-ffp-contract=off", "-shared", "-fPIC", "-w")
 
 
@@ -129,7 +137,9 @@ def _library(text: str) -> Path:
 
 @cache
 def card() -> Card:
-    """The card of this machine. Raise UsageError if there is none, or if CuPy is missing or too old for it."""
+    """The card of this machine. Raise UsageError if there is none,
+    or if CuPy is missing or too old for it.
+    """
     if find_spec("cupy") is None:
         raise UsageError(
             expected="CuPy for engine='cuda'",

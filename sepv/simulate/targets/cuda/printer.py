@@ -1,4 +1,6 @@
-"""Recorded operations printed as C: a line for each, in the order and with the roundings of NumPy's code."""
+"""Recorded operations printed as C: a line for each, in the order and with the roundings of NumPy's
+code.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def number(value: float) -> str:
 
 
 def statements(names: Mapping[int, str], outputs: Mapping[str, Any]) -> list[str]:
-    """C statements that assign recorded `outputs` {place: symbol}; `names` has the texts of inputs by line number."""
+    """C statements that assign recorded `outputs` {place: symbol};
+    `names` has the texts of inputs by line number.
+    """
     shown = dict(names)
     lines = []
     for symbol in reachable(outputs.values(), names) if outputs else []:
@@ -63,7 +67,8 @@ def function(
 ) -> str:
     """A C function: its head, and code that fills arrays by name from vectors of symbols by name.
 
-    An output is an array of symbols; the name "return" stands for a single symbol that the function returns.
+    An output is an array of symbols; the name "return" stands for a single symbol that the function
+    returns.
     """
     names = {x.index: f"{name}[{i}]" for name, vector in inputs.items() for i, x in enumerate(vector)}
     places: dict[str, Any] = {}

@@ -1,4 +1,6 @@
-"""The text of a kernel: constants, functions printed from the records of a problem and a scheme, and the loops in C."""
+"""The text of a kernel: constants, functions printed from the records of a problem and a scheme,
+and the loops in C.
+"""
 
 from __future__ import annotations
 
@@ -25,14 +27,15 @@ from sepv.simulate.targets.cuda.printer import function, number, table
 
 # The most unknowns for which Cramer's rule, and for which elimination, is written out.
 CRAMER, WRITTEN_OUT = 3, 6
-# Newton iterations of an implicit equation, as of the core's straight-line code, and of a projection.
+# Newton iterations of an implicit equation, as of the core's straight-line code, and of a
+# projection.
 NEWTON_MAXITER, PROJECTION_MAXITER = 7, 40
 # Sweeps of an s-stage method before the first test, with ∇H at the stages.
 BLIND_SWEEPS = 8
 # Corrections below a quarter of a rounding change nothing.
 NEGLIGIBLE_CORRECTION = 2.0**-54
-# The largest relative error of Newton's matrix: that of recorded derivatives, and that of the slopes in
-# `functions.c`.
+# The largest relative error of Newton's matrix: that of recorded derivatives, and that of the
+# slopes in `functions.c`.
 EXACT_MATRIX, WITH_SLOPES = 2.0**-40, 2.0**-30
 # Levels of Lévy's construction that are halved in registers.
 IN_REGISTERS = 3
@@ -93,7 +96,9 @@ def _written(code: RecordedProblem, formula: Formula, compensated: bool) -> str:
 
 
 def draw_text(noises: int) -> str:
-    """The C text that draws increments of `noises` ≥ 1 noises; it is the same for all problems and schemes."""
+    """The C text that draws increments of `noises` ≥ 1 noises;
+    it is the same for all problems and schemes.
+    """
     constants = {
         "NOISES": noises, "STREAMS": f"{STREAMS}ULL", "MIXING": MIXING, "TOP_LEVELS": TOP.bit_length() - 1,
         "IN_REGISTERS": IN_REGISTERS,
@@ -130,7 +135,9 @@ def _explicit(code: RecordedProblem, formula: Formula) -> _Parts:
 
 
 def _first_costs(code: RecordedProblem, formula: Formula, further: int = 0) -> dict[str, Any]:
-    """Evaluations of ∇H and B at the start of a step: those of the formula, and `further` ones of both."""
+    """Evaluations of ∇H and B at the start of a step: those of the formula,
+    and `further` ones of both.
+    """
     gradients, structures = code.cost(formula.recorded, formula.names(code.problem.noises))
     return {"FIRST_GRADIENTS": gradients + further, "FIRST_STRUCTURES": structures + further}
 
@@ -187,7 +194,8 @@ def _implicit(code: RecordedProblem, formula: Formula) -> _Parts:
 def _eliminated(A: list[list[Any]], b: list[Any]) -> list[Any]:
     """A⁻¹b in symbols by elimination without pivoting.
 
-    A = 1 − ∂R/∂z is near 1 for sensible steps. A bad pivot costs iterations, or leaves the step to the core.
+    A = 1 − ∂R/∂z is near 1 for sensible steps. A bad pivot costs iterations, or leaves the step to
+    the core.
     """
     n = len(b)
     for k in range(n):
@@ -204,7 +212,9 @@ def _eliminated(A: list[list[Any]], b: list[Any]) -> list[Any]:
 
 
 def _projected(code: RecordedProblem, formula: Formula) -> _Parts:
-    """The explicit increment z, and the iteration that projects it: its residual is its correction."""
+    """The explicit increment z, and the iteration that projects it: its residual is its
+    correction.
+    """
     directions, known, correction = code.directions
     functions = [
         _right_side(code, formula),
@@ -221,7 +231,9 @@ def _projected(code: RecordedProblem, formula: Formula) -> _Parts:
 
 
 def _stages(code: RecordedProblem, formula: Formula) -> _Parts:
-    """Sweeps for the stages of a collocation or Gauss method, with the quadrature rules of `StagesWriter`."""
+    """Sweeps for the stages of a collocation or Gauss method,
+    with the quadrature rules of `StagesWriter`.
+    """
     assert isinstance(formula, Collocation)
     s, writer = formula.stages, StagesWriter(code, formula, code.problem.noises, 1, False)
     tableau, ladder = gauss_tableau(s), writer.ladder()
