@@ -261,7 +261,7 @@ def test_a_law_that_takes_longer_than_expected_says_so(monkeypatch: pytest.Monke
     course.left = {"casimir": replace(last, steps=5000)}
     assert shown.line() == "28 s: 1 of 2 laws, casimir"
     course.found = [(first, first.finding(Verdict.HOLDS, seconds=20.0, checks=1, step_seconds=1e-4))]
-    assert shown.line() == "28 s: 1 of 2 laws, casimir for 8 s where 1 s were expected"
+    assert shown.line() == "28 s: 1 of 2 laws, casimir for 8 s where 2 s were expected"
 
 
 def test_the_seconds_left_are_not_said_for_longer_than_half_of_what_a_law_was_expected_to_take(
