@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -163,16 +163,21 @@ def _polynomial(name: str, p: Polynomial, known: Relation) -> Stated:
     return Stated(name, PolynomialMap((), (p,)), PolynomialMap((p.dimension,), poly.gradient(p)), None, known)
 
 
-def with_fewer_noises(case: Case, count: int) -> Case | None:
-    """The case with the first `count` noises of its polynomial data;
-    None if the class of systems then changes.
+def with_noises(case: Case, kept: Sequence[int]) -> Case | None:
+    """The case with the noises `kept` of its polynomial data, in this order.
+
+    None if the problem is not given as data, or if the class of systems then changes.
     """
     data = polynomial_data(case)
     if data is None:
         return None
+
+    def chosen(of_noises: tuple[Any, ...]) -> tuple[Any, ...]:
+        return tuple(of_noises[j] for j in kept) if of_noises else ()
+
     fewer = replace(
-        data, noise=data.noise[:count], noise_hamiltonians=data.noise_hamiltonians[:count],
-        noise_vectors=data.noise_vectors[:count],
+        data, noise=chosen(data.noise), noise_hamiltonians=chosen(data.noise_hamiltonians),
+        noise_vectors=chosen(data.noise_vectors),
     )  # fmt: skip
     built = isinstance(problems.build(fewer), HamiltoniansProblem)
-    return replace(case, problem=fewer, dW=case.dW[:count]) if built else None
+    return replace(case, problem=fewer, dW=chosen(case.dW)) if built else None

@@ -104,7 +104,7 @@ class _Question:
     check: Check
     faults_violate: bool
     known: tuple[Case, ...]  # witnesses of the corpus, which are tried first
-    premise: Check | None
+    premise: Check | None = None
     key: str = ""  # the name under which designs are stored between runs, if the law is the suite's own
 
 

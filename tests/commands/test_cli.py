@@ -112,7 +112,7 @@ def test_a_raising_scheme_is_an_error_of_every_law_and_debug_shows_it(call) -> N
     # Truncation is about the increments that the scheme asks for, a function of one state has no
     # batch, and some laws are for schemes of another class of systems, or for functions that a
     # problem states.
-    assert f"8 not applicable, {len(LAWS) - 8} errors" in result.output
+    assert f"7 not applicable, {len(LAWS) - 7} errors" in result.output
     assert "out of order" in result.output
     shown = call("verify mine:step --examples 2 --law energy --debug", code)
     assert "Traceback" in shown.output or isinstance(shown.exception, RuntimeError)

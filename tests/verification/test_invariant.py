@@ -9,11 +9,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from sepv.properties._trace_formula import nodes
+from sepv.properties.test_invariant import affordable
 
 import sepv
 from sepv.errors import ProblemError
-from sepv.problem import Array, DampedProblem, HamiltoniansProblem, Problem, StructuresProblem, relation
-from sepv.problems import from_json, planets, polynomial_problem, to_json
+from sepv.law import Case
+from sepv.problem import (
+    Array,
+    DampedProblem,
+    HamiltoniansProblem,
+    PolynomialSystem,
+    Problem,
+    StructuresProblem,
+    relation,
+)
+from sepv.problems import from_json, planes, planets, polynomial_problem, to_json
 from sepv.record import poly
 from sepv.verification import Effort, Finding, Verdict, load_laws
 
@@ -254,3 +265,40 @@ def test_without_stated_functions_the_law_says_how_to_state_some() -> None:
     assert found.verdict is Verdict.NOT_APPLICABLE
     assert "invariants={" in found.message
     assert asked("midpoint", in_plane()).verdict is Verdict.NOT_APPLICABLE
+
+
+def test_single_states_are_asked_for_means_of_few_noises_and_all_noises_come() -> None:
+    """With 20 noises and a step of 76 ms the law takes minutes: 64 steps a mean, and not 160."""
+    rng = np.random.default_rng(1)
+    coefficients = tuple((0.01 * np.arange(1, 21)).tolist())
+    momentum = poly.polynomial(4, {(2, 0, 0, 0): 0.5, (0, 2, 0, 0): 0.5})
+    H = poly.polynomial(4, {(2, 0, 0, 0): 0.5, (0, 2, 0, 0): 0.5, (0, 0, 2, 0): 0.5, (0, 0, 4, 0): 0.25})
+    pushes = tuple((float(a), float(b), 0.0, 0.0) for a, b in rng.normal(size=(20, 2)))
+    many = PolynomialSystem(
+        4, H, planes(4), coefficients, noise_vectors=pushes, invariants=(("p²/2", momentum),)
+    )
+    batched = sepv.schemes.by_name("drift-preserving")
+    alone = replace(batched, batched=False, solve=None)
+    seen = set()
+    for y in rng.normal(size=(12, 4)):
+        case = Case(many, tuple(y.tolist()), 0.1, (0.0,) * 20)
+        fewer = affordable(alone, case)
+        assert affordable(batched, case) is case
+        assert nodes(alone, fewer.build()[0], 0.1) <= 32
+        assert isinstance(fewer.problem, PolynomialSystem)
+        seen |= set(fewer.problem.noise)
+    assert seen == set(coefficients)
+
+    def step(problem: Problem, y: Array, h: float, *increments: Array) -> Array:
+        """A noise too weak by half, which only some of the means have."""
+        weak = np.where(problem.c == coefficients[12], 0.5, 1.0)
+        rows = increments[0].reshape(-1, problem.noises) * weak
+        return np.asarray(batched.step(problem, y, h, rows.reshape(increments[0].shape), *increments[1:]))
+
+    found = sepv.verify(
+        replace(alone, step=step),
+        laws="invariant:energy",
+        problems=many,
+        effort=replace(FEW, shrink_checks=5),
+    )
+    assert found.finding("invariant:energy").verdict is Verdict.VIOLATED
