@@ -68,7 +68,7 @@ class Series:
 
     half : half the widths of the intervals of y, as many as y; empty for a curve without intervals
     group : curves of one group have one colour and marker, such as a measurement and its theory; by
-    default the scheme
+        default the scheme
     """
 
     name: str
@@ -235,10 +235,12 @@ def draw_curves(
     not positive.
 
     slopes : the slopes of dashed lines below the curves; if any are given, the ticks of x are
-    powers of two equal : True if both axes have the same scale window : if given, the frame shows
-    |y| ≤ window only, and |x| ≤ window if `equal` size : the size of markers, in points most : the
-    largest number of markers of a curve without a line; a long line has two points in each of
-    `most` parts
+        powers of two
+    equal : True if both axes have the same scale
+    window : if given, the frame shows |y| ≤ window only, and |x| ≤ window if `equal`
+    size : the size of markers, in points
+    most : the largest number of markers of a curve without a line; a long line has two points in
+        each of `most` parts
     """
     points = [_finite(s, x.log, y.log) for s in series]
     for number, (s, look, (across, up, half)) in enumerate(

@@ -28,9 +28,10 @@ class Setting:
     """A convergence experiment with step sizes h = T/steps over `samples` paths,
     and the texts of its plot.
 
-    source : the plot of the paper that the experiment repeats place : where the paper states the
-    order of (2.1), or names a reference with a fine step same : pairs of schemes with equal steps
-    on this problem, each with the place in the paper and the reason
+    source : the plot of the paper that the experiment repeats
+    place : where the paper states the order of (2.1), or names a reference with a fine step
+    same : pairs of schemes with equal steps on this problem, each with the place in the paper and
+        the reason
     """
 
     figure: str

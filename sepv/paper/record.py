@@ -105,9 +105,10 @@ class Statement:
     and the verdict of the computation.
 
     text, source : the statement, in the paper's words or close to them, and its place in the paper
-    measured : what was measured, and the result criterion : the condition for "holds"; the text
-    says so if the condition is not derived, but our own choice correction : the right statement, if
-    the paper's does not hold as printed
+    measured : what was measured, and the result
+    criterion : the condition for "holds"; the text says so if the condition is not derived, but our
+        own choice
+    correction : the right statement, if the paper's does not hold as printed
     """
 
     text: str
@@ -122,12 +123,15 @@ class Statement:
 class Panel:
     """One plot of one figure, as data.
 
-    key : the name of the panel and its files, such as "4.1-phase-space": the figure (or
-    "theory"), then its subject parameters : the parameters of the paper, and those of the
-    computation chosen : the choices made where the paper gives none slopes : the reference slopes
-    to draw description : the picture in words, for readers who cannot see it equal : True if both
-    axes have the same scale window : if given, only points with |y| ≤ window are drawn, and |x|
-    ≤ window if `equal`; the series have all points
+    key : the name of the panel and its files, such as "4.1-phase-space": the figure (or "theory"),
+        then its subject
+    parameters : the parameters of the paper, and those of the computation
+    chosen : the choices made where the paper gives none
+    slopes : the reference slopes to draw
+    description : the picture in words, for readers who cannot see it
+    equal : True if both axes have the same scale
+    window : if given, only points with |y| ≤ window are drawn, and |x| ≤ window if `equal`; the
+        series have all points
     """
 
     key: str

@@ -39,11 +39,13 @@ class Run:
     """Samples of one scheme on one time interval; figures show the first sample.
 
     t, y : times (K,) and states (d, K) of the first sample, thinned to about POINTS steps, with its
-    end energy, casimir : (N+1,), H and the first quadratic Casimir yᵀAy along the first sample;
-    empty without a Casimir theta : (K,), the exact solution's time t + Σ c_j W_j(t) at `t`
+        end
+    energy, casimir : (N+1,), H and the first quadratic Casimir yᵀAy along the first sample; empty
+        without a Casimir
+    theta : (K,), the exact solution's time t + Σ c_j W_j(t) at `t`
     checkpoints, energies : numbers of steps (L,) (powers of two, and N), and H of all samples at
-    these steps (L, M) stopped : the step at which the first sample failed or left the domain, −1 if
-    it did not
+        these steps (L, M)
+    stopped : the step at which the first sample failed or left the domain, −1 if it did not
     """
 
     scheme: str
@@ -78,7 +80,7 @@ class LongRuns:
     If `shared` is true, a quick reproduction takes only a fraction of the steps.
 
     samples, others : the number of samples for the schemes in this mapping, and for all other
-    schemes
+        schemes
     """
 
     figure: str

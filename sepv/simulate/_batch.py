@@ -60,8 +60,10 @@ class Ensemble:
     times, states : (K,), (d, K, M)
         The chosen times, and the states at these times, component first:
         `problem.hamiltonian(states)` is (K, M). For a failed path a state is the last one reached.
-    engine : the name of the engine that ran. reason : why the compiled engine was not used, or why
-    a functional of `reduce` did not run on a card. divisions : int
+    engine : the name of the engine that ran.
+    reason : why the compiled engine was not used, or why a functional of `reduce` did not run on a
+        card.
+    divisions : int
         The number of steps and parts of steps that were divided, over all paths
         (`sepv.schemes.divided`).
     continuations : int

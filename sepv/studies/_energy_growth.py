@@ -52,11 +52,13 @@ class Growth:
     """The energy's error of one scheme over long times.
 
     times, mean, error, rms : (L,), times, E[H(y_n)] − H(y0) with its standard error, and the rms of
-    H(y_n) − H(y0) exponent, drift : each a value and half the width of its interval; the drift is
-    per unit of time rounding : a bound of the rms at T that rounding alone may cause failed : the
-    number of paths with a failed step or an energy that is not finite; if not 0, nothing is judged
+        H(y_n) − H(y0)
+    exponent, drift : each a value and half the width of its interval; the drift is per unit of time
+    rounding : a bound of the rms at T that rounding alone may cause
+    failed : the number of paths with a failed step or an energy that is not finite; if not 0,
+        nothing is judged
     derived : offset, drift and diffusion by theory; None if the theory does not hold for the
-    scheme, or not up to T
+        scheme, or not up to T
     """
 
     scheme: str

@@ -31,9 +31,11 @@ class QuietGrowth:
     """The energy's error of one scheme without noise, with the steps h and h/2.
 
     times, largest : times (L,), and the largest |H(y_n) − H(y_0)| up to each (2, L), for h and h/2;
-    NaN after a failure rounding : a bound of the error at the last time that rounding alone may
-    cause trend : a verdict on a trend of the mean energy, such as "no trend" or "not judged", and
-    the reason failed : a text on the first step that failed, "" if none did
+        NaN after a failure
+    rounding : a bound of the error at the last time that rounding alone may cause
+    trend : a verdict on a trend of the mean energy, such as "no trend" or "not judged", and the
+        reason
+    failed : a text on the first step that failed, "" if none did
     """
 
     scheme: str

@@ -34,15 +34,17 @@ class Seen:
     """The results of one scheme on one hard case, collected over batches of steps.
 
     statuses : status -> number of steps, by name of `Status`; REFUSED after StepFailure, CRASH
-    after another error wrong : kind -> number of wrong values that the scheme returned as
-    solutions; kinds are "not finite", "outside
-        the domain", "beyond the bound" and "residual beyond the bound"
-    defects : (n,), energy defects of the solved steps, in energy ulps ratio : the largest quotient
-    of a defect and its bound iterations : (n,), Newton iterations of the solved steps, if the
-    scheme reports them worst : the first step that went wrong, else the step with the largest
-    ratio; None if it cannot be stored as data laws : law -> (number of steps on which it held,
-    number of steps on which it was measured) unmeasured : the number of solved steps whose energy
-    ulp or bound exceeds the largest binary64 number
+        after another error
+    wrong : kind -> number of wrong values that the scheme returned as solutions; kinds are "not
+        finite", "outside the domain", "beyond the bound" and "residual beyond the bound"
+    defects : (n,), energy defects of the solved steps, in energy ulps
+    ratio : the largest quotient of a defect and its bound
+    iterations : (n,), Newton iterations of the solved steps, if the scheme reports them
+    worst : the first step that went wrong, else the step with the largest ratio; None if it cannot
+        be stored as data
+    laws : law -> (number of steps on which it held, number of steps on which it was measured)
+    unmeasured : the number of solved steps whose energy ulp or bound exceeds the largest binary64
+        number
     """
 
     case: HardCase

@@ -29,8 +29,10 @@ class Rows:
     """The states of one path.
 
     t : (N + 1,), times; y : (d, N + 1), states; half : (d, N + 1), half a unit in the last digit of
-    each y t_half : half a unit in the last digit of a time dW, dW_half : (N, m), the increments of
-    the steps that end in rows 1 to N, or None if the table has none
+        each y
+    t_half : half a unit in the last digit of a time
+    dW, dW_half : (N, m), the increments of the steps that end in rows 1 to N, or None if the table
+        has none
     """
 
     t: Array

@@ -54,8 +54,9 @@ class Drift:
     """The drift of one invariant along a table.
 
     errors : (N + 1,), I(y_n) − I(y_0); digits : (N + 1,), what the digits of the table can change
-    in them exponent : value and half-width of the interval of p in t^p; rounding : what rounding
-    can change over all steps
+        in them
+    exponent : value and half-width of the interval of p in t^p; rounding : what rounding can change
+        over all steps
     """
 
     name: str

@@ -62,15 +62,17 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
     Returns
     -------
     dict
-        components : the numbers, from 1, of the two components of y that change most (of one if
-        d = 1) states : these components in the first state and after each step exact : these
-        components of the exact solution, `FINER` points a step; empty if no formula is known
-        kept : the invariant that is shown: "C" for laws about Casimirs (the one that changes
-        most), else "H" drift : the change of this invariant since the first state size : the
-        size of the invariant's terms, by which rounding is distinguished from drift defects,
-        bounds : the law's own measurement of the step from each state; absent for the laws whose
-        defect is the
-            change of the invariant
+        components : the numbers, from 1, of the two components of y that change most (of one if d
+            = 1)
+        states : these components in the first state and after each step
+        exact : these components of the exact solution, `FINER` points a step; empty if no formula
+            is known
+        kept : the invariant that is shown: "C" for laws about Casimirs (the one that changes most),
+            else "H"
+        drift : the change of this invariant since the first state
+        size : the size of the invariant's terms, by which rounding is distinguished from drift
+        defects, bounds : the law's own measurement of the step from each state; absent for the laws
+            whose defect is the change of the invariant
         ended : the reason of an early end; empty if there was none
     """
     share = seconds / 3  # for each of the path, the exact solution and the law's defects

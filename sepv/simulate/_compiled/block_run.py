@@ -80,8 +80,9 @@ class Chunk:
         """Solve a step by the scheme's own solver in Python, for the lanes (paths)
         that compiled code has not solved.
 
-        S, I : addresses of the block's floats and integers increments : address of the step's
-        increments (m, width), of which the first columns are the block's lanes
+        S, I : addresses of the block's floats and integers
+        increments : address of the step's increments (m, width), of which the first columns are the
+            block's lanes
         """
         L, d, m, module = self.lanes, self.problem.dimension, self.problem.noises, self.kernel.module
         state = _at(S, module.SIZE).reshape(-1, L)

@@ -120,8 +120,8 @@ def fill(
     """Write increments of the steps first … first + count − 1 of a block into out (count, m, L).
 
     drawing : the address of `normals` An increment is halved into two. `stack` (streams, m, L)
-    keeps the right halves for later steps. `top` (n, m, L) has the coarse increments, which `above`
-    earlier halvings have made; if n = 0, they are drawn here.
+        keeps the right halves for later steps. `top` (n, m, L) has the coarse increments, which
+        `above` earlier halvings have made; if n = 0, they are drawn here.
     """
     for_simd()
     fine = select(rng.shape[0] == 0, 0, rng.shape[0] - 1)  # without noise there are no streams
@@ -174,8 +174,9 @@ def begin(
     The coarse increments are top (n, m, L), n = base·2^halvings or 0: `base` increments, halved
     `halvings` times.
 
-    drawing : the address of `normals` words : (streams, 3), the state words of the streams of path
-    0 (`sepv.simulate._wiener.stream_words`)
+    drawing : the address of `normals`
+    words : (streams, 3), the state words of the streams of path 0
+        (`sepv.simulate._wiener.stream_words`)
     """
     for_simd()
     for s in range(rng.shape[0]):

@@ -58,11 +58,13 @@ def text(
 ) -> str:  # fmt: skip
     """The source of a generated module.
 
-    imports : the lines that import names numbers : the constants of the module, by name
-    parameters : names of the numbers that the kernel reads, in order pieces : name -> the lines
-    of code for a lane (one path of a block), and the variable that they add to tables : the lines
-    that define arrays kernel : the function of `sepv.simulate._compiled.kernels` that advances a
-    block
+    imports : the lines that import names
+    numbers : the constants of the module, by name
+    parameters : names of the numbers that the kernel reads, in order
+    pieces : name -> the lines of code for a lane (one path of a block), and the variable that they
+        add to
+    tables : the lines that define arrays
+    kernel : the function of `sepv.simulate._compiled.kernels` that advances a block
     """
     lines = [_HEAD, imports, 'INF, NAN = float("inf"), float("nan")']
     lines += [f"{name} = {value!r}" for name, value in numbers.items()]

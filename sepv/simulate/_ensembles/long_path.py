@@ -50,7 +50,9 @@ class LongPath:
     energy_defects : (K,)
         H(y) − H(y_0) at `times`.
     status, failed_step : the status of the step that failed, and the number of steps before it (−1
-    if all were solved). iterations, gradient_evaluations : counts of the work. seconds : float
+        if all were solved).
+    iterations, gradient_evaluations : counts of the work.
+    seconds : float
         Wall time without compilation.
     interrupted : bool
     engine, reason : the engine used, and why it is not the compiled one.

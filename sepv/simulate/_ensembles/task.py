@@ -27,11 +27,13 @@ class Task:
     """The data of a chunk: the paths with the numbers first … first + count − 1 of an ensemble,
     over `steps` steps.
 
-    problem : Problem, or the data from which a worker can build the problem again. dW : (N, m, M),
-    untruncated increments, or None to draw them; the chunk uses the columns place … place + count
-    − 1. stops : increasing numbers of steps after which states are kept. engine : the name of the
-    target that runs the chunk (`sepv.simulate.targets`). track : if False, the NumPy engine does
-    not compute the invariants, and reports their defects as 0.
+    problem : Problem, or the data from which a worker can build the problem again.
+    dW : (N, m, M), untruncated increments, or None to draw them; the chunk uses the columns place …
+        place + count − 1.
+    stops : increasing numbers of steps after which states are kept.
+    engine : the name of the target that runs the chunk (`sepv.simulate.targets`).
+    track : if False, the NumPy engine does not compute the invariants, and reports their defects as
+        0.
     """
 
     scheme: Scheme

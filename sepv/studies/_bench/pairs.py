@@ -114,8 +114,9 @@ def head_of(target: str) -> Path:
 class Times:
     """The paired times of one case.
 
-    call : "step" or "ensemble", see `sepv.studies._bench.measure.seconds` batches : for each batch
-    the log ratios head/base of its pairs of times, by processor time and by the clock
+    call : "step" or "ensemble", see `sepv.studies._bench.measure.seconds`
+    batches : for each batch the log ratios head/base of its pairs of times, by processor time and
+        by the clock
     """
 
     case: dict[str, Any]

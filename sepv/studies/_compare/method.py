@@ -39,8 +39,7 @@ class Followed(NamedTuple):
     evaluations counted.
 
     energy_defect, casimir_defect : (M,), the largest |H(y_n) − H(y_0)| over the steps of each path,
-    and the largest
-        |C(y_n) − C(y_0)| over steps and Casimirs C
+        and the largest |C(y_n) − C(y_0)| over steps and Casimirs C
     work : the evaluations, or None if the driver's evaluations cannot be counted
     stated_error : the error that the method itself estimates; 0 for schemes
     """
@@ -66,16 +65,20 @@ class Method:
     """A solver of whole paths that `compare` measures: a scheme, another library's solver,
     or the exact flow.
 
-    Attributes ---------- prepare, follow : functions that prepare the timed run, and that do
-    the untimed run with defects source : where the method comes from and how it is run
+    Attributes
+    ----------
+    prepare, follow : functions that prepare the timed run, and that do the untimed run with defects
+    source : where the method comes from and how it is run
     batched : False for a method that computes one path at a time, which is given fewer paths
-    evaluations : evaluations of f = B∇H per step, if they are known from the method but
-    cannot be counted steps_matter : False for the exact flow φ_θ(y0), which uses W(T) only
-    and no step size truncation : the k of Remark 2.1 for the method's increments; None for
-    untruncated increments look : the look in pictures; None for a generated one, which no
-    other method has deterministic : True for a method without noise; the comparison is then
-    made without noise, c = () called_each_step : True if Python calls a function for each
-    step of a batch, False for one compiled loop
+    evaluations : evaluations of f = B∇H per step, if they are known from the method but cannot be
+        counted
+    steps_matter : False for the exact flow φ_θ(y0), which uses W(T) only and no step size
+    truncation : the k of Remark 2.1 for the method's increments; None for untruncated increments
+    look : the look in pictures; None for a generated one, which no other method has
+    deterministic : True for a method without noise; the comparison is then made without noise, c
+        = ()
+    called_each_step : True if Python calls a function for each step of a batch, False for one
+        compiled loop
     """
 
     name: str
@@ -113,9 +116,8 @@ def from_scheme(scheme: Scheme, problem: Problem, engine: str = "auto") -> Metho
     with increments truncated as the scheme declares.
 
     engine : "auto" chooses the compiled engine (extra `fast`) if it can run the scheme on the
-    problem, else "numpy".
-        The compiled engine is timed as users run it: it also computes the defects of invariants and
-        the statuses.
+        problem, else "numpy". The compiled engine is timed as users run it: it also computes the
+        defects of invariants and the statuses.
     """
     target, reason = choose(engine, scheme, problem, compensated=False)
     whole = target.name != "numpy"
@@ -212,9 +214,8 @@ def _run(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, *, tr
 def from_states(name: str, run: Run, source: str, **more: Any) -> Method:
     """The `Method` of a solver that returns states only, from which failures are recognized.
 
-    run : a function (problem, y0, h, dW, keep) that returns a job. The job returns all states
-    (N + 1, d, M) from y0 on
-        if `keep` is true, else an array whose last entry is the states at T
+    run : a function (problem, y0, h, dW, keep) that returns a job. The job returns all states (N
+        + 1, d, M) from y0 on if `keep` is true, else an array whose last entry is the states at T
     more : further fields of `Method`
     """
 

@@ -22,11 +22,11 @@ class Seconds:
     """The times of one run of all paths, in seconds.
 
     median, low, high : the median and both quartiles of the processor time. Another program on the
-    same core can double
-        the clock's time of a run, but not its processor time
+        same core can double the clock's time of a run, but not its processor time
     wall : the median clock time, which is many times the processor time only if a driver waits for
-    another process first : the time of the first call less the median: the time of compilation, if
-    any, else noise around 0
+        another process
+    first : the time of the first call less the median: the time of compilation, if any, else noise
+        around 0
     """
 
     median: float
@@ -41,13 +41,15 @@ class Point:
     """The measurements of one method at one step size.
 
     strong, weak : √E|y_N − y(T)|² and |E(y_N − y(T))| over the paths that were finished, with their
-    intervals energy_defect, casimir_defect : the largest |H(y_n) − H(y_0)| and |C(y_n) − C(y_0)|
-    over steps, paths and Casimirs C failures : the number of paths with a step that was not solved
-    or left the domain evaluations : the evaluations in one step of one path, by kind; empty if they
-    cannot be counted iterations : Newton iterations in one step of one path steps_matter : False
-    for the exact time change, whose only point has steps = 1, h = T clipping : the rms error that
-    truncated increments alone cause, in closed form (`sepv.exact._truncation_error`),
-        because clipping is too rare for a sample to show it
+        intervals
+    energy_defect, casimir_defect : the largest |H(y_n) − H(y_0)| and |C(y_n) − C(y_0)| over steps,
+        paths and Casimirs C
+    failures : the number of paths with a step that was not solved or left the domain
+    evaluations : the evaluations in one step of one path, by kind; empty if they cannot be counted
+    iterations : Newton iterations in one step of one path
+    steps_matter : False for the exact time change, whose only point has steps = 1, h = T
+    clipping : the rms error that truncated increments alone cause, in closed form
+        (`sepv.exact._truncation_error`), because clipping is too rare for a sample to show it
     """
 
     method: str
@@ -112,8 +114,8 @@ class TimeToError:
     and its energy defect at the finest h used.
 
     how : "between" (interpolated log-log between two step sizes), "beyond" (extrapolated from the
-    two finest step sizes), "coarsest" (the coarsest step size is good enough) or "never" (errors do
-    not decrease)
+        two finest step sizes), "coarsest" (the coarsest step size is good enough) or "never"
+        (errors do not decrease)
     """
 
     method: str

@@ -145,9 +145,10 @@ def compare(
 class _Cell(NamedTuple):
     """One pair of a method and a number of steps, to be measured.
 
-    job : runs all paths, to be timed first : processor seconds of the first call of the job
+    job : runs all paths, to be timed
+    first : processor seconds of the first call of the job
     watched : the method's `follow` and its arguments, for a further, untimed run that measures
-    defects
+        defects
     """
 
     method: Method

@@ -65,8 +65,10 @@ class Branch:
     """The branches of solutions from M states, for Δ > 0 or for Δ < 0.
 
     reach : (M,), the |Δ| up to which the branch is a function y1(Δ), at most the end of the range
-    of Δ end : (M,), the `End` of each branch delta, z : Δ (P, M) and y1 − y0 (P, d, M) at P points
-    of each curve from Δ = 0 to its end, with NaN after the end
+        of Δ
+    end : (M,), the `End` of each branch
+    delta, z : Δ (P, M) and y1 − y0 (P, d, M) at P points of each curve from Δ = 0 to its end, with
+        NaN after the end
     """
 
     reach: Array

@@ -61,9 +61,10 @@ class Shortest:
 class Map:
     """The solvability of a scheme's steps Δ from states along an exact orbit.
 
-    Attributes ---------- theta, states : times (M,) of the exact flow from the initial state, and
-    the states (d, M) at these times. Exact
-        solutions of (1.1) stay on this orbit; numerical paths may leave it
+    Attributes
+    ----------
+    theta, states : times (M,) of the exact flow from the initial state, and the states (d, M) at
+        these times. Exact solutions of (1.1) stay on this orbit; numerical paths may leave it
         (`sepv.studies._solvability.paths`).
     delta : (K,), the grid of Δ, with both signs
     findings : (K, M), the `Ending` for each Δ and state
@@ -281,9 +282,10 @@ def chance_outside(h: float, noise: ArrayLike, low: ArrayLike, high: ArrayLike, 
         The c_j.
     low, high : (M,), low < 0 < high.
 
-    Notes ----- For one noise, P is the sum of two tails of a normal law. If ΔŴ is truncated, tails
-    beyond |ΔŴ| = √h A_h are 0. For several truncated noises, all but one are integrated, by Gauss
-    nodes on (−A_h, A_h) and the two atoms ±A_h.
+    Notes
+    -----
+    For one noise, P is the sum of two tails of a normal law. If ΔŴ is truncated, tails beyond |ΔŴ| = √h A_h are 0. For
+    several truncated noises, all but one are integrated, by Gauss nodes on (−A_h, A_h) and the two atoms ±A_h.
     """
     c = np.asarray(noise, dtype=np.float64).reshape(-1)
     c = c[c > 0] * np.sqrt(h)

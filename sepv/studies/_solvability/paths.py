@@ -38,8 +38,9 @@ class Exits:
     """The times at which paths of one scheme and step size ended because a step was refused.
 
     until, asked : the time to which paths were followed, and the requested time, which is later if
-    `seconds` ran out times : (F,), the start of the refused step of each of the F paths that
-    failed, increasing statuses : the number of refused steps by name of `Status`
+        `seconds` ran out
+    times : (F,), the start of the refused step of each of the F paths that failed, increasing
+    statuses : the number of refused steps by name of `Status`
     """
 
     scheme: str
