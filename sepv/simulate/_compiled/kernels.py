@@ -92,7 +92,7 @@ def moved(
     """End a step of all lanes: set the new states, statuses and defects of invariants.
 
     trouble : the number of lanes whose step may have failed; if it is 0 and all L paths live, no
-    lane needs a mask
+        lane needs a mask
 
     Return True if the path of at least one lane has not failed.
     """

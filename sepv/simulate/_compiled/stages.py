@@ -228,9 +228,8 @@ def rules(stages: int, ladder: Sequence[int]) -> tuple[np.ndarray, np.ndarray, A
 
     counts, firsts : (2 R,), the number of nodes of each rule, and the number of its first node
     nodes : (N, 2s), for each node its weights in the averages g_i, then the weights of the z_j in
-    the state at the node
-        (`sepv.schemes._tableaux.moments`); a rule of s nodes has identity weights, so that g_i = ∇H
-        at stage i
+        the state at the node (`sepv.schemes._tableaux.moments`); a rule of s nodes has identity
+        weights, so that g_i = ∇H at stage i
     """
     counts = [n for nodes in ladder for n in (nodes, nodes + nodes // 2)]
     found = [moments(stages, n) for n in counts]

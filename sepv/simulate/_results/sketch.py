@@ -35,8 +35,7 @@ class Sketch:
     """The counts (K,) of numbers in buckets with the keys (K,).
 
     keys : int32, increasing: sign·(i + offset) for bucket i, and 0 for the number 0. The offset
-    makes every i + offset
-        positive, so that keys are ordered as the numbers are.
+        makes every i + offset positive, so that keys are ordered as the numbers are.
     """
 
     keys: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, dtype=np.int32))

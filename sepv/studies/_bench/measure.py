@@ -133,8 +133,8 @@ def seconds(scheme: Scheme, case: dict[str, Any], loops: int, call: str = "step"
     """Measure the processor seconds and the clock seconds of `loops` runs of a case.
 
     call : "step" times the scheme's steps alone, with given increments. "ensemble" times
-    `sepv.ensemble` as users call
-        it, with its engine, its random numbers and its defects of invariants
+        `sepv.ensemble` as users call it, with its engine, its random numbers and its defects of
+        invariants
     """
     problem = build(case)
     h, N = case["h"], case["steps"]

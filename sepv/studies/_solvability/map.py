@@ -284,8 +284,9 @@ def chance_outside(h: float, noise: ArrayLike, low: ArrayLike, high: ArrayLike, 
 
     Notes
     -----
-    For one noise, P is the sum of two tails of a normal law. If ΔŴ is truncated, tails beyond |ΔŴ| = √h A_h are 0. For
-    several truncated noises, all but one are integrated, by Gauss nodes on (−A_h, A_h) and the two atoms ±A_h.
+    For one noise, P is the sum of two tails of a normal law. If ΔŴ is truncated, tails beyond
+    |ΔŴ| = √h A_h are 0. For several truncated noises, all but one are integrated, by Gauss nodes on
+    (−A_h, A_h) and the two atoms ±A_h.
     """
     c = np.asarray(noise, dtype=np.float64).reshape(-1)
     c = c[c > 0] * np.sqrt(h)
