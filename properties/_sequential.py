@@ -293,14 +293,14 @@ def _judge_one(
     alpha: float,
     *,
     slope: bool,
-    confirm: Assess | None = None,
+    confirm: Assess,
 ) -> tuple[Setup, StrongErrors, Assessment | None, str]:
     """Judge one problem at its step sizes, or at halved ones if paths failed or a `slope` is too
     near its bound.
 
-    With a test `confirm` a violation is measured again at finer steps. The returned string says why
-    step sizes were halved. If paths fail at the smallest sizes too, the assessment is None. `share`
-    counts the looks at halved steps.
+    A violation is measured again at finer steps, by the test `confirm`. The returned string says
+    why step sizes were halved. If paths fail at the smallest sizes too, the assessment is None.
+    `share` counts the looks at halved steps.
     """
     why, halved = "", 0
     while True:
@@ -315,7 +315,7 @@ def _judge_one(
         else:
             break
         halved += 1
-    if confirm and assessment is not None and assessment.verdict is Verdict.VIOLATED:
+    if assessment is not None and assessment.verdict is Verdict.VIOLATED:
         assessment = _confirmed(scheme, used, run, confirm, alpha, assessment, slope=slope)
         unknown = errors.reference > REFERENCE_ERROR_SHARE * errors.rms()[-1]
         if unknown and assessment.verdict is Verdict.VIOLATED:

@@ -21,6 +21,11 @@ TILTED = 1.5
 # Pairs (p, numbers of steps) for claimed orders of p or more. At such orders finer steps have
 # errors of rounding size.
 FEW_STEPS_AT_ORDER = ((6, (8, 12, 16)), (5, (8, 16, 32)))
+# Problems with several structures without a closed form. In the first the noises commute, but not
+# with the drift, in the second not even the noises. Increments alone allow the orders 1 and ½ (§1):
+# commutators of the drift and a noise are multiplied by ∫W∘dt, of the order of h^(3/2), those of
+# noises by ∫W_i∘dW_j, of the order of h.
+NONCOMMUTING = ("noncommuting-drift", "noncommuting-tops")
 
 
 @dataclass(frozen=True)
@@ -90,6 +95,19 @@ def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...
     top = two_noises()
     both = replace(_setup(top.name, *facts), given=top)
     return (both,) if effort and sparing(scheme, effort) else (*usual, both)
+
+
+def noncommuting(scheme: Scheme) -> tuple[Setup, ...]:
+    """The setups of NONCOMMUTING, for a scheme for several structures whose user states no
+    problems.
+
+    They are left out for a claim above 1, which is about problems in which all flows commute.
+    """
+    several = scheme.systems == Systems.SEVERAL and problems_of(scheme) is None
+    if not several or order_of(scheme.mean_square_order, "commutative") > 1:
+        return ()
+    facts = (scheme.truncation, scheme.mean_square_order)
+    return tuple(_setup(name, *facts) for name in NONCOMMUTING)
 
 
 def _differs(order: float | None) -> bool:

@@ -48,8 +48,8 @@ from sepv.schemes import Scheme, ask
 
 DIGITS = 40
 # The most steps of a quadrature for a scheme that takes one state a call, and the number above
-# which noises are left out. The law has about a hundred means: with steps of 76 ms they take eight
-# minutes, and a law ten at most.
+# which noises are left out. A mean has two rules, and the law about a hundred means: 6,400 steps,
+# or eight minutes for steps of 76 ms, where a law may take ten.
 MOST_NODES, FEW_NODES = 1000, 32
 # The number of fixed systems of dimension 4 and 5 on which each scheme for (1.1) is tested, with
 # every seed.

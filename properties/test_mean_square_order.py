@@ -12,25 +12,19 @@ from typing import Any
 
 from sepv.properties._orders.convergence import StrongErrors, above_floor, floors, mean_square_order
 from sepv.properties._orders.local_orders import unclaimed
-from sepv.properties._problems_of import problems_of
 from sepv.properties._sampled import pathwise
 from sepv.properties._sequential import Assess, Assessment, hold_level, is_tilted, judge
-from sepv.properties._setups import Setup, setups_for
+from sepv.properties._setups import noncommuting, setups_for
 
 from sepv.law import Effort, Finding, Law, Run, Verdict, require
 from sepv.problem import Problem, column
-from sepv.schemes import Scheme, Systems, order_of
+from sepv.schemes import Scheme, order_of
 
 # Orders of one-step methods for (1.1) are multiples of ½. If the interval of the slope is above p
 # − MARGIN, the middle between p and the next lower order, it rejects the lower order. The margin
 # also allows for the pre-asymptotic part of a slope, which is below 0.06 for the paper's schemes at
 # these step sizes.
 MARGIN = 0.25
-# Problems with several structures without a closed form. In the first the noises commute, but not
-# with the drift, in the second not even the noises. Increments alone allow the orders 1 and ½ (§1):
-# commutators of the drift and a noise are multiplied by ∫W∘dt, of the order of h^(3/2), those of
-# noises by ∫W_i∘dW_j, of the order of h.
-NONCOMMUTING = ("noncommuting-drift", "noncommuting-tops")
 
 
 def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
@@ -85,18 +79,6 @@ def at_the_floor(errors: StrongErrors, order: float) -> Assessment:
     verdict = Verdict.HOLDS if fall > bound else Verdict.INCONCLUSIVE
     text = f"errors at the rounding floor but for one step size, a slope of at least {fall:.3g}"
     return Assessment(verdict, fall, fall, math.inf, bound, text, order if verdict is Verdict.HOLDS else None)
-
-
-def noncommuting(scheme: Scheme) -> tuple[Setup, ...]:
-    """The setups of NONCOMMUTING, for a scheme for several structures whose user states no
-    problems.
-
-    They are left out for a claim above 1, which is about problems in which all flows commute.
-    """
-    several = scheme.systems == Systems.SEVERAL and problems_of(scheme) is None
-    if not several or order_of(scheme.mean_square_order, "commutative") > 1:
-        return ()
-    return tuple(Setup(name, 0.5, (4, 16, 64)) for name in NONCOMMUTING)
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:

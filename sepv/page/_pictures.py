@@ -26,7 +26,7 @@ from sepv.schemes import Look
 WIDTH, HEIGHT = 520, 330
 LEFT, RIGHT, TOP, BOTTOM = 62, 14, 12, 44
 # The space for the name of the vertical axis, left of its numbers, in points.
-BESIDE = 30
+AXIS_NAME_SPACE = 30
 SAMPLE = 34, 12
 # The width at the right of a drawing for the names of reference slopes, in points.
 NAMES = 50
@@ -93,7 +93,7 @@ class Pictures:
             drawing.draw_curves(axes, series, self.looks, x, y, size=MARKER, most=MOST, **more)
             if not more.get("equal"):  # with equal axes the frame is narrower
                 numbers = max(t.get_window_extent().width for t in axes.get_yticklabels()) * 72 / drawn.dpi
-                left = max(LEFT, BESIDE + numbers)
+                left = max(LEFT, AXIS_NAME_SPACE + numbers)
                 width = WIDTH - left - right
                 axes.set_position((left / WIDTH, BOTTOM / HEIGHT, width / WIDTH, frame[3] / HEIGHT))
                 axes.yaxis.set_label_coords((14 - left) / width, 0.5)

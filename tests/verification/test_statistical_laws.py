@@ -550,7 +550,7 @@ def test_a_slope_near_its_bound_is_judged_at_halved_steps(monkeypatch: pytest.Mo
     monkeypatch.setattr(sequential, "sampled", drawn)
     setup = Setup("rigid-body", 0.5, (8, 16, 64))
     used, _, judged, why = sequential._judge_one(
-        schemes.energy_preserving, setup, Run(), assess, 1e-6, slope=True
+        schemes.energy_preserving, setup, Run(), assess, 1e-6, slope=True, confirm=assess
     )
     assert (used.steps, judged and judged.verdict) == ((16, 32, 128), Verdict.HOLDS)
     assert why == "rigid-body: slope with 8, 16, 64 steps is near the bound"
