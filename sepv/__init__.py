@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import os as _os
 
+from sepv._lazy import finders as _finders
 from sepv._lazy import lazily
 from sepv._version import __version__ as __version__
 
@@ -74,6 +75,9 @@ _HERE = _os.path.dirname(_os.path.realpath(__file__))
 _CHECKOUT = _os.path.dirname(_HERE)
 if not _os.path.isdir(f"{_HERE}/reference") and _os.path.isdir(f"{_CHECKOUT}/reference/witnesses"):
     __path__.append(_CHECKOUT)
+
+# Solvers of other libraries stand above the schemes and the comparison, which ask for them by name.
+_finders.update(scheme="sepv.peers.peer:scheme", method="sepv.peers.peer:method")
 
 __getattr__, __dir__ = lazily(
     __name__,

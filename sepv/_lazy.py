@@ -1,4 +1,8 @@
-"""Lazy names of a package: they are loaded when they are first used."""
+"""Lazy names of a package: they are loaded when they are first used.
+
+`finders` lets a room ask a room above it without importing it: the package's front door names who
+answers.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,16 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from typing import Any
+
+# For each kind of thing, "module:function" of what finds one by a name that the asking room does
+# not know. The function returns None for a name that it does not know either.
+finders: dict[str, str] = {}
+
+
+def find(kind: str, name: str) -> Any:
+    """What the finder of this kind returns for a name. Its module is imported here."""
+    module, _, function = finders[kind].partition(":")
+    return getattr(import_module(module), function)(name)
 
 
 def lazily(room: str, offered: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:

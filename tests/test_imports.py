@@ -2,12 +2,14 @@
 
 import ast
 import re
-import sys
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 from doors import ROOT, python
+
+from sepv._lazy import find
+from sepv.errors import UnknownTarget
 
 # Folders whose files are installed under another name.
 FOLDERS = (("sepv", "sepv"), ("properties", "sepv.properties"), ("reference", "sepv.reference"))
@@ -64,15 +66,7 @@ def imports(path: Path) -> set[str]:
             names |= found if len(found) == len(inner) else found | {source}
         elif (name := by_name(node)) and room(name) != own:
             names.add(name)
-    return {n for n in names if n.startswith("sepv")} - UP.get(path.relative_to(ROOT).as_posix(), set())
-
-
-# The arrows that run up: a solver of another library is found by its name, and its adapter is made
-# of schemes.
-UP = {
-    "sepv/schemes/_load_target.py": {"sepv.peers.peer"},
-    "sepv/studies/_compare/method.py": {"sepv.peers.peer"},
-}
+    return {n for n in names if n.startswith("sepv")}
 
 
 def below(module: str, packages: tuple[str, ...]) -> str | None:
@@ -183,17 +177,20 @@ def test_the_oracle_imports_no_suspect() -> None:
                 assert below(name, allowed), f"{module} imports {name}"
 
 
-def test_imports_by_name_and_for_types_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the tests above leave out is there, and nothing else runs up."""
-    left_out = dict(UP)
-    monkeypatch.setattr(sys.modules[__name__], "UP", {})
-    for file, names in left_out.items():
-        assert names <= imports(ROOT / file)
+def test_imports_by_name_and_for_types_are_seen() -> None:
     assert "sepv.law.cases.of_law" in imports(ROOT / "sepv" / "law" / "_law.py")  # for types alone
     assert "sepv.verification._worker" in imports(ROOT / "sepv" / "commands" / "_verify.py")
     for text, name in (("sepv.page", "sepv.page"), ("sepv.page:render", "sepv.page"), ("in sepv.page", "")):
         assert by_name(ast.Constant(text)) == name
     assert by_name(ast.Constant("sepv.properties.test_")) == "sepv.properties"
+
+
+def test_a_room_below_asks_for_what_the_front_door_names() -> None:
+    """Schemes and comparisons find solvers of other libraries without importing `sepv.peers`."""
+    for kind in ("scheme", "method"):
+        assert find(kind, "midpoint") is None
+        with pytest.raises(UnknownTarget, match="a solver of scipy"):
+            find(kind, "scipy-midpoint")
 
 
 def test_laws_do_not_import_their_neighbours() -> None:

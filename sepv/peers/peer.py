@@ -106,23 +106,28 @@ def library_of(target: str) -> str:
     return next((name for name in names() if target.startswith(f"{name}-")), "")
 
 
-def scheme(target: str) -> Scheme:
-    """The scheme that takes single steps of the solver ``library-name``.
+def scheme(target: str) -> Scheme | None:
+    """The scheme that takes single steps of the solver ``library-name``;
+    None if the name begins with no library.
 
     Raises TargetError as `load` does, or if the library has no solver of that name.
     """
     library = library_of(target)
+    if not library:
+        return None
     peer = load(library)
     return _one(target, library, {**peer.schemes, **peer.integrators})
 
 
 def method(target: str) -> Method | None:
     """The solver `target` of whole paths for `sepv compare`; None if it is run as a scheme,
-    like an integrator.
+    like an integrator, or if the name begins with no library.
 
     Raises TargetError as `scheme`.
     """
     library = library_of(target)
+    if not library:
+        return None
     peer = load(library)
     return _one(target, library, {**dict.fromkeys(peer.integrators), **peer.drivers()})
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from sepv._arguments import did_you_mean, double
+from sepv._lazy import find
 from sepv.children import TimedOut, one_process
 from sepv.errors import ProblemError, TargetError, UnknownTarget, UsageError, said
 from sepv.files import read_bounded, read_json
@@ -129,11 +130,8 @@ def _named(target: str, problems: Iterable[Problem]) -> Scheme:
     try:
         return by_name(target)
     except UsageError as error:
-        # `sepv.peers` imports `sepv.schemes`: it is imported here, only for names that are not
-        # built in.
-        peers = importlib.import_module("sepv.peers.peer")
-        if peers.library_of(target):
-            solver: Scheme = peers.scheme(target)
+        solver: Scheme | None = find("scheme", target)
+        if solver is not None:
             return solver
         own = "your own scheme goes as mypackage.mymodule:scheme"
         raise UnknownTarget(

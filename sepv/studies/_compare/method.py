@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from sepv._lazy import find
 from sepv.errors import SchemeFault, SepvError, TargetError
 from sepv.exact import ExactFlow, exact_flow
 from sepv.law import quiet_problem
@@ -272,8 +272,7 @@ def load_method(target: str, problem: Problem) -> Method:
     """
     if target == EXACT:
         return exact_time_change()
-    peers = import_module("sepv.peers.peer")  # imported late, because it imports this module
-    driven: Method | None = peers.method(target) if peers.library_of(target) else None
+    driven: Method | None = find("method", target)
     if driven is not None:
         return driven
     if ":" in target:
