@@ -20,7 +20,7 @@ finders: dict[str, str] = {}
 
 
 def find(kind: str, name: str) -> Any:
-    """What the finder of this kind returns for a name. Its module is imported here."""
+    """Call the finder of a kind of thing with a name; the finder's module is imported here."""
     module, _, function = finders[kind].partition(":")
     return getattr(import_module(module), function)(name)
 
