@@ -1,8 +1,9 @@
 """Child processes and what watches them: every child has a limit, a last note and an end.
 
-`Child` is a process that answers lines, of this package or another program. `Journal` and
-`attempted` are its side of the watch: results that survive a crash, and notes on what it does.
-`deadline` interrupts Python code within a process.
+`Watched` is what all of them have: lines, a status and an end. `Child` starts a program that
+answers lines, of this package or another; the watcher of a command makes a fork instead.
+`Journal` and `attempted` are a child's side of the watch: results that survive a crash, and notes
+on what it does. `deadline` interrupts Python code within a process.
 """
 
 from __future__ import annotations
@@ -32,10 +33,11 @@ from sepv.children._journal import (
     packed,
     unpacked,
 )
+from sepv.children._watched import NoLine, Watched, kill_tree
 
 if TYPE_CHECKING:
     from sepv.children._bell import overheard
-    from sepv.children._child import Child, NoLine, kill_tree, pump_all
+    from sepv.children._child import Child, pump_all
     from sepv.children._parent import end_with_parent
     from sepv.children._workers import cores, start_ahead, take
 
@@ -44,7 +46,7 @@ __getattr__, __dir__ = lazily(
     __name__,
     {
         "_bell": "overheard",
-        "_child": "Child NoLine kill_tree pump_all",
+        "_child": "Child pump_all",
         "_parent": "end_with_parent",
         "_workers": "cores start_ahead take",
     },

@@ -24,23 +24,15 @@ from contextlib import suppress
 from tempfile import TemporaryFile
 from typing import Any
 
-from sepv.children._journal import BYTES, KEY, KEY_NAME, Notes, ended_with, packed, unpacked
+from sepv.children._journal import BYTES, KEY, KEY_NAME, Notes, packed, unpacked
 from sepv.children._parent import end_with_parent, told_by_signal
+from sepv.children._watched import NoLine, Watched
 
-_CHUNK = 1 << 16
 _LOG = 2000  # the last bytes of stderr, which an error shows
 _DEAF = "closed its input"
 
 
-class NoLine(Exception):
-    """No whole line came from a child: `why` is "late", "gone" or "long"."""
-
-    def __init__(self, why: str) -> None:
-        self.why = why
-        super().__init__(why)
-
-
-class Child:
+class Child(Watched):
     """A child process and its pipes. `exchange` sends a line and returns the answer;
     `end` kills the process group.
 
@@ -63,8 +55,7 @@ class Child:
     def __init__(
         self, argv: Sequence[str], *, limit: int = sys.maxsize, log: bool = False, noted: bool = False, **options: Any
     ) -> None:  # fmt: skip
-        self.limit, self.owner, self.gone = limit, os.getpid(), ""
-        self.received, self.log, self.unsent = bytearray(), bytearray(), memoryview(b"")
+        self.limit, self.owner, self.log = limit, os.getpid(), bytearray()
         with TemporaryFile() as file:
             if noted:
                 file.truncate(BYTES)
@@ -80,19 +71,15 @@ class Child:
                     preexec_fn=_before_exec(),  # noqa: PLW1509  (as above)
                     **options,
                 )  # fmt: skip
-        self.selector = selectors.DefaultSelector()
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        super().__init__(self.process.pid, self.process.stdout.fileno())
         self.finish = weakref.finalize(self, _kill, self.process, self.selector, self.owner)
-        pipes = (self.process.stdin, self.process.stdout, self.process.stderr)
-        for name, pipe in zip(("stdin", "stdout", "stderr"), pipes, strict=True):
-            if pipe:
-                setattr(self, name, pipe.fileno())
-                os.set_blocking(pipe.fileno(), False)
-                if name != "stdin":
-                    self.selector.register(pipe.fileno(), selectors.EVENT_READ, name)
-
-    stdin: int
-    stdout: int
-    stderr: int = -1
+        self.stdin, self.stderr = self.process.stdin.fileno(), -1
+        os.set_blocking(self.stdin, False)
+        if self.process.stderr:
+            self.stderr = self.process.stderr.fileno()
+            self.listen(self.stderr, "drain")
 
     @classmethod
     def of_module(cls, module: str, environment: Mapping[str, str] | None = None, **options: Any) -> Child:
@@ -137,29 +124,7 @@ class Child:
         self.unsent = memoryview(bytes(self.unsent) + message)
         self._write()
         if self.unsent:
-            self.selector.register(self.stdin, selectors.EVENT_WRITE, "stdin")
-
-    def line(self) -> bytes | None:
-        """The next received line, without its end; None if none is complete.
-        Raises NoLine for a line too long.
-        """
-        end = self.received.find(b"\n")
-        # Before the whole message is sent, all output is limited, because a child may print and
-        # never read.
-        if (len(self.received) - 1 if end < 0 or self.unsent else end) > self.limit:
-            raise NoLine("long")
-        if end < 0 or self.unsent:
-            return None
-        line = bytes(self.received[:end])
-        del self.received[: end + 1]
-        return line
-
-    def pump(self, seconds: float = 0.0) -> None:
-        """Wait at most `seconds` until the pipes are ready,
-        then read and write what they hold and take.
-        """
-        for key, _ in self.selector.select(seconds):
-            {"stdin": self._write, "stdout": self._read, "stderr": self.drain}[key.data]()
+            self.selector.register(self.stdin, selectors.EVENT_WRITE, "_write")
 
     def _write(self) -> None:
         try:
@@ -171,47 +136,16 @@ class Child:
         if not self.unsent and self.stdin in self.selector.get_map():
             self.selector.unregister(self.stdin)
 
-    def _read(self) -> None:
-        with suppress(BlockingIOError):
-            data = os.read(self.stdout, _CHUNK)
-            self.received += data
-            if not data:
-                self.gone = self.gone or "closed its output"
-                self.selector.unregister(self.stdout)
-
     def drain(self) -> None:
         """Keep the end of what the child wrote to stderr."""
         with suppress(BlockingIOError):
-            data = os.read(self.stderr, _CHUNK)
-            if not data:
-                self.selector.unregister(self.stderr)
-            self.log += data
+            self.log += self.take(self.stderr)
             del self.log[:-_LOG]
 
-    def status(self, seconds: float) -> str | None:
-        """Describe how the child ended, or return None if it still runs after `seconds`.
-
-        The process is not reaped (waited for) here, so that no other process group can get its
-        number.
-        """
-        deadline = time.monotonic() + seconds
-        while (ended := self._exit_code()) is None and time.monotonic() < deadline:
-            time.sleep(0.002)
-        return None if ended is None else ended_with(ended)
-
-    def _exit_code(self) -> int | None:
-        """Return the exit code like `Popen.poll`, without reaping the process (which frees its
-        number) if possible.
-        """
-        if not hasattr(os, "waitid") or self.process.returncode is not None:
-            return self.process.poll()
-        try:
-            how = os.waitid(os.P_PID, self.process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
-        except ChildProcessError:  # other code has reaped the process
-            return self.process.poll()
-        if how is None:
-            return None
-        return how.si_status if how.si_code == os.CLD_EXITED else -how.si_status
+    def reap(self) -> int | None:
+        """Return the exit code as `Watched.reap` does; `process` remembers it."""
+        self.returncode = self.process.poll()
+        return self.returncode
 
     def stop(self, message: bytes, seconds: float) -> str | None:
         """Send a last message, close the child's input, and kill its group after `seconds`.
@@ -237,6 +171,7 @@ class Child:
     def end(self) -> None:
         """Kill the whole process group at once."""
         self.finish()
+        self.reap()
 
 
 def pump_all(children: Iterable[Child], seconds: float) -> None:
@@ -262,26 +197,6 @@ def _kill(process: subprocess.Popen[bytes], selector: selectors.BaseSelector, ow
     for pipe in (process.stdin, process.stdout, process.stderr):
         if pipe:
             pipe.close()
-
-
-def kill_tree(pid: int) -> None:
-    """Kill a process and, on Linux, all its descendants, which may have left its group;
-    nothing is reaped.
-    """
-    for number in (signal.SIGSTOP, signal.SIGKILL):  # what is stopped starts no further process meanwhile
-        for found in _tree(pid) if number == signal.SIGSTOP else [*_tree(pid)][::-1]:
-            with suppress(ProcessLookupError, PermissionError):
-                os.kill(found, number)
-
-
-def _tree(pid: int) -> Iterable[int]:
-    yield pid
-    with suppress(OSError):
-        for thread in os.listdir(f"/proc/{pid}/task"):
-            with open(f"/proc/{pid}/task/{thread}/children", encoding="ascii") as file:
-                children = file.read().split()
-            for child in map(int, children):
-                yield from _tree(child)
 
 
 def _before_exec() -> Callable[[], None] | None:

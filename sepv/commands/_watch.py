@@ -6,9 +6,9 @@ code does not see it. A segmentation fault ends everything. So the watcher, the 
 other code. It forks before any import that could start threads, and stores the child's messages
 (`sepv.children`), with which a new child continues after a crash.
 
-The child is a fork and no `sepv.children.Child`: it keeps the terminal's process group and stdin,
-on which break points and Ctrl-Z depend. A new interpreter would also import all again, which is
-most of the time of a quick command.
+The child is a fork, which keeps the terminal's process group and stdin: break points and Ctrl-Z
+depend on both. A new interpreter would also import all again, which is most of the time of a quick
+command.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from __future__ import annotations
 import atexit
 import math
 import os
-import select
 import signal
 import sys
 import threading
@@ -32,7 +31,9 @@ from sepv.children import (
     Limit,
     Message,
     Notes,
+    Watched,
     ended_with,
+    kill_tree,
     open_journal,
     out_of_time,
     packed,
@@ -71,36 +72,31 @@ class _Heard:
     answered: bool = False
     lost: bool = False
     code: int | None = None
-    rest: bytes = b""
     notes: Notes = field(default_factory=Notes)
 
-    def hear(self, data: bytes) -> None:
-        """Add the next bytes of the pipe to the rest of the last ones,
-        and record the messages that are complete.
-        """
-        *lines, self.rest = (self.rest + data).split(b"\n")
-        for kind, what in filter(None, map(unpacked, lines)):
-            if kind == Message.STARTED:
-                self.started = True
-            elif kind == Message.BEGIN:
-                self.begun, self.seconds = what
-                self.limit = Limit(self.seconds)
-            elif kind in (Message.RESULT, Message.BACK):
-                if kind == Message.RESULT and self.begun is not None:
-                    self.results[self.begun] = what
-                self.begun = self.limit = None
-            elif kind == Message.ANSWERED:
-                self.answered = True
-            elif kind == Message.LOST:
-                self.lost = True
-            elif kind == Message.END:
-                self.code, self.limit = what, Limit(ATEXIT_SECONDS)
+    def hear(self, kind: str, what: Any) -> None:
+        """Record a message."""
+        if kind == Message.STARTED:
+            self.started = True
+        elif kind == Message.BEGIN:
+            self.begun, self.seconds = what
+            self.limit = Limit(self.seconds)
+        elif kind in (Message.RESULT, Message.BACK):
+            if kind == Message.RESULT and self.begun is not None:
+                self.results[self.begun] = what
+            self.begun = self.limit = None
+        elif kind == Message.ANSWERED:
+            self.answered = True
+        elif kind == Message.LOST:
+            self.lost = True
+        elif kind == Message.END:
+            self.code, self.limit = what, Limit(ATEXIT_SECONDS)
 
     def crash(self, status: str) -> bool:
         """Record a crash of a process; True if it occurred in a measurement,
         which a new process can leave out.
         """
-        self.rest, self.limit = b"", None
+        self.limit = None
         if self.begun is None:
             return False
         self.crashes[self.begun] = status, self.notes.get()
@@ -151,8 +147,7 @@ def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
     taken = [n for n in ENDED if signal.getsignal(n) in (signal.SIG_DFL, signal.default_int_handler)]
     heard_here, heard_there = os.pipe()
     bell_here, bell = os.pipe()
-    for end in (heard_here, bell_here, bell):
-        os.set_blocking(end, False)
+    os.set_blocking(bell, False)
     before = {n: signal.signal(n, lambda *_: None) for n in (*taken, signal.SIGCHLD)}
     ringing = signal.set_wakeup_fd(bell, warn_on_full_buffer=False)
     # A signal that arrives between the fork and the child's own handler is held back.
@@ -168,9 +163,11 @@ def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
         _be_watched(work, journal, parent, signal.SIGINT in taken)
     os.close(heard_there)
     _unblock()
+    fork = _Fork(child, heard, heard_here, bell_here)
     try:
-        return _Attendance(child, heard, heard_here, bell_here).end()
+        return fork.attended()
     finally:
+        fork.selector.close()
         for end in (heard_here, bell_here, bell):
             os.close(end)
         signal.set_wakeup_fd(ringing)
@@ -178,31 +175,33 @@ def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
             signal.signal(number, handler)
 
 
-class _Attendance:
-    """The watch over one process: signals are forwarded to it, and its end is reported."""
+class _Fork(Watched):
+    """The fork that runs the command: signals are forwarded to it, and its end is reported."""
 
-    def __init__(self, child: int, heard: _Heard, ear: int, bell: int) -> None:
-        self.child, self.heard, self.ear, self.bell = child, heard, ear, bell
+    def __init__(self, pid: int, heard: _Heard, ear: int, bell: int) -> None:
+        super().__init__(pid, ear)
+        self.heard, self.bell = heard, bell
+        self.listen(bell, "forward")
         self.since: float | None = None  # the first Ctrl-C
-        self.again = 0.0
+        self.again, self.at_once = 0.0, False
 
-    def end(self) -> int | None:
+    def attended(self) -> int | None:
         """Wait for the child to end and return the exit code of the run;
         None if a new child must continue the run.
         """
         while True:
             seconds = None if self.heard.limit is None else TICK
-            select.select([self.ear, self.bell], [], [], seconds if self.since is None else AGAIN_LOST / 2)
-            if self._bell():
+            self.pump(seconds if self.since is None else AGAIN_LOST / 2)
+            if self.at_once:
                 return self._interrupted(now=True)
-            self._listen()
-            pid, status = os.waitpid(self.child, os.WNOHANG)
-            if pid:
-                self._listen()
-                return self._ended(status)
+            self._hear()
+            ended = self.reap()
+            if ended is not None:
+                self._hear()
+                return self._ended(ended)
             if self.heard.limit is not None and self.heard.limit.passed():
                 self._kill()
-                return self._ended(status, killed=True)
+                return self._ended(0, killed=True)
             if self.since is not None and not self.heard.answered:
                 waited = time.monotonic() - self.since
                 if waited > PATIENCE:
@@ -213,38 +212,36 @@ class _Attendance:
                 elif self.heard.lost:
                     self.heard.lost, self.again = False, waited + AGAIN_LOST
 
-    def _bell(self) -> bool:
-        """Forward the received signals to the child; return True if a second Ctrl-C is among
-        them.
+    def forward(self) -> None:
+        """Forward the signals that this process received to the child. A second Ctrl-C ends it at
+        once.
         """
-        try:
-            numbers = os.read(self.bell, 64)
-        except BlockingIOError:
-            return False
-        for number in numbers:
-            if number == signal.SIGINT:
-                if self.since is not None:
-                    return True
-                self.since, self.again = time.monotonic(), AGAIN
-            if number in ENDED:
-                self._send(number)
-        return False
+        with suppress(BlockingIOError):
+            for number in os.read(self.bell, 64):
+                if number == signal.SIGINT:
+                    self.at_once = self.since is not None
+                    self.since, self.again = self.since or time.monotonic(), AGAIN
+                if number in ENDED and not self.at_once:
+                    self._send(number)
 
     def _send(self, number: int) -> None:
         with suppress(ProcessLookupError):
-            os.kill(self.child, number)
+            os.kill(self.pid, number)
 
     def _kill(self) -> None:
         """Kill the child and what it started, and reap it."""
-        from sepv.children import kill_tree  # imported when it is needed: a quick command does not pay for it
+        kill_tree(self.pid)
+        os.waitpid(self.pid, 0)
 
-        kill_tree(self.child)
-        os.waitpid(self.child, 0)
-
-    def _listen(self) -> None:
-        with suppress(BlockingIOError):
-            while data := os.read(self.ear, 1 << 16):
-                self.heard.hear(data)
+    def _hear(self) -> None:
+        """Hear all that was sent."""
+        size = -1
+        while size < len(self.received) and not self.gone:
+            size = len(self.received)
+            self._read()
+        while (line := self.line()) is not None:
+            if message := unpacked(line):
+                self.heard.hear(*message)
 
     def _interrupted(self, now: bool = False) -> int:
         if now:
@@ -255,19 +252,18 @@ class _Attendance:
             print("sepv: interrupted", file=sys.stderr, flush=True)
         return INTERRUPTED
 
-    def _ended(self, status: int, killed: bool = False) -> int | None:
+    def _ended(self, code: int, killed: bool = False) -> int | None:
         if self.since is not None:
             return self._interrupted()
-        if self.heard.code is not None and (killed or os.WIFEXITED(status)):
+        if self.heard.code is not None and (killed or code >= 0):
             return self.heard.code
         if killed:
             self.heard.crash(out_of_time(self.heard.seconds))
             return None
-        number = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
-        if number in ENDED:  # this process ends by the same signal
-            signal.signal(number, signal.SIG_DFL)
-            os.kill(os.getpid(), number)
-        words = f"ended with {ended_with(-number if number else os.WEXITSTATUS(status))}"
+        if -code in ENDED:  # this process ends by the same signal
+            signal.signal(-code, signal.SIG_DFL)
+            os.kill(os.getpid(), -code)
+        words = f"ended with {ended_with(code)}"
         if not self.heard.started:  # no code of a scheme has run
             print(
                 f"sepv: the process {words} before the command began: no verdict\n"
