@@ -16,9 +16,7 @@ from benchmarks import start
 from sepv import problems, schemes
 from sepv.console import markdown
 from sepv.problem import Array, PolynomialSystem, Problem, noise_vectors, vector_field
-from sepv.schemes import as_lanes
-from sepv.schemes._drift_preserving import pushed, quiet
-from sepv.schemes._one_step import implicit
+from sepv.schemes import as_lanes, implicit, pushed_by_noise, quiet_step
 
 PAIRS, SEED, T = 10_000, 1, 1.0
 STEPS = (2, 16)
@@ -26,19 +24,19 @@ STEPS = (2, 16)
 # schemes uses.
 Step = Callable[[Problem, Array, float, Array, Array], Array]
 
-_implicit = implicit(lambda fields, y, z, step: step[0] * fields.field(y + z), parts=quiet.parts)
+_implicit = implicit(lambda fields, y, z, step: step[0] * fields.field(y + z), parts=quiet_step.parts)
 
 
 def euler_maruyama(problem: Problem, y: Array, h: float, dW: Array, first: Array | None = None) -> Array:  # noqa: ARG001
     """Euler-Maruyama: y1 = y0 + h f(y0) + Σ c_j g_j ΔW_j."""
     state, noise = as_lanes(problem, y, h, dW)
-    return pushed(problem, state + h * vector_field(problem, state), noise).reshape(y.shape)
+    return pushed_by_noise(problem, state + h * vector_field(problem, state), noise).reshape(y.shape)
 
 
 def implicit_euler(problem: Problem, y: Array, h: float, dW: Array, first: Array | None = None) -> Array:  # noqa: ARG001
     """The drift-implicit Euler scheme: y1 = y0 + h f(y1) + Σ c_j g_j ΔW_j."""
     state, noise = as_lanes(problem, y, h, dW)
-    return _implicit(problem, pushed(problem, state, noise), h, noise).reshape(y.shape)
+    return _implicit(problem, pushed_by_noise(problem, state, noise), h, noise).reshape(y.shape)
 
 
 SCHEMES: dict[str, Step] = {

@@ -111,13 +111,9 @@ def test_imports_between_modules_go_one_way() -> None:
     assert lowest_first.index("sepv.core.newton") < lowest_first.index("sepv.schemes._energy_preserving")
 
 
-# What sees the inside of another room: a scheme that is broken on purpose is made of the parts of a
-# right one; and the measurement that runs in another checkout finds in an old one the modules, and
-# not what their room offers today.
-SEES_INSIDE = {
-    "sepv.faults": "sepv.schemes",
-    "sepv.studies._bench.measure": "sepv.simulate",
-}
+# What sees the inside of another room: the measurement that runs in another checkout finds in an
+# old one the modules, and not what their room offers today.
+SEES_INSIDE = {"sepv.studies._bench.measure": "sepv.simulate"}
 
 
 def taken_from_inside(module: str, path: Path) -> list[str]:
@@ -129,7 +125,7 @@ def taken_from_inside(module: str, path: Path) -> list[str]:
                 full = f"{node.module}.{alias.name}"
                 inside = (full if full in MODULES else node.module).split(".")
                 home = room(".".join(inside))
-                if home not in (room(module), SEES_INSIDE.get(room(module)), SEES_INSIDE.get(module)) and any(
+                if home not in (room(module), SEES_INSIDE.get(module)) and any(
                     part.startswith("_") for part in inside[2:]
                 ):
                     names.append(full)
@@ -142,17 +138,6 @@ def test_names_across_rooms_come_from_the_room_itself() -> None:
     """
     inside = {m: n for m, path in MODULES.items() if (n := taken_from_inside(m, path))}
     assert inside == {}, "let the room's __init__ import the name, and import it from the room"
-
-
-def test_few_parts_of_schemes_are_taken_from_inside(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A part that no door offers is for the scheme and for the saboteur that breaks it:
-    there are no more of them.
-    """
-    monkeypatch.delitem(SEES_INSIDE, "sepv.faults")
-    inside = [
-        n for m, path in MODULES.items() if room(m) == "sepv.faults" for n in taken_from_inside(m, path)
-    ]
-    assert len(inside) <= 13, inside
 
 
 def test_a_name_from_inside_is_seen() -> None:

@@ -16,7 +16,7 @@ from benchmarks.right_schemes.solved_otherwise import Refused
 from sepv.problem import Array, Problem, Systems, vector_field
 from sepv.record import EPS
 from sepv.schemes import Scheme, energy_preserving, leapfrog
-from sepv.schemes._leapfrog import KicksAndDrifts, composed
+from sepv.schemes._leapfrog import KicksAndDrifts, composed_leapfrogs
 from sepv.schemes._one_step import Explicit
 from sepv.schemes._scheme import Step
 
@@ -112,6 +112,6 @@ SCHEMES = (
     _method("order-without-noise", energy_preserving.step, 2, "(2.1) for c = (): Quispel and McLaren (2008)", "energy"),
     _method("processed-leapfrog", _processed, 2, "a leapfrog between a corrector and its inverse: not symmetric",
             "poisson-map:constant", systems=Systems.MECHANICAL),
-    _method("yoshida-6", Explicit(composed((*_SIX, 1 - 2 * sum(_SIX), *_SIX[::-1]))), 6, "H. Yoshida (1990), order 6",
-            "poisson-map:constant", "symmetry", systems=Systems.MECHANICAL),
+    _method("yoshida-6", Explicit(composed_leapfrogs((*_SIX, 1 - 2 * sum(_SIX), *_SIX[::-1]))), 6,
+            "H. Yoshida (1990), order 6", "poisson-map:constant", "symmetry", systems=Systems.MECHANICAL),
 )  # fmt: skip

@@ -36,7 +36,7 @@ from sepv.schemes import (
 from sepv.schemes._conformal import undamped
 from sepv.schemes._explicit import end
 from sepv.schemes._explicit_tableaux import TABLEAUX
-from sepv.schemes._leapfrog import KicksAndDrifts, composed
+from sepv.schemes._leapfrog import KicksAndDrifts, composed_leapfrogs
 
 # Claims of (2.1) that a scheme with a similar structure but another formula does not make.
 _NOT_ITSELF = {"midpoint", "reduction", "reference", "refusal"}
@@ -301,7 +301,7 @@ MECHANICAL = (
         "R. Ruth, IEEE Trans. Nucl. Sci. 30 (1983): order 3, not symmetric",
     ),
     _mechanical(
-        "suzuki-4", Explicit(composed((_SUZUKI, _SUZUKI, 1 - 4 * _SUZUKI, _SUZUKI, _SUZUKI))), 4,
+        "suzuki-4", Explicit(composed_leapfrogs((_SUZUKI, _SUZUKI, 1 - 4 * _SUZUKI, _SUZUKI, _SUZUKI))), 4,
         "M. Suzuki, Phys. Lett. A 146 (1990): five leapfrogs", "symmetry",
     ),
     _mechanical(

@@ -30,8 +30,11 @@ from sepv.schemes._claims import ALL_LAWS, FORMER, LAWS, OF_TWINS, law_named, pa
 from sepv.schemes._collocation import FIRST_NODES, MAX_NODES
 from sepv.schemes._collocation import collocation as collocation
 from sepv.schemes._continuation import continued as continued
+from sepv.schemes._discrete_gradient import coordinate_increments
 from sepv.schemes._division import divided as divided
+from sepv.schemes._drift_preserving import pushed_by_noise, quiet_step
 from sepv.schemes._energy_preserving import formula as energy_preserving_formula
+from sepv.schemes._energy_preserving import jacobian as energy_preserving_jacobian
 from sepv.schemes._explicit import explicit as explicit
 from sepv.schemes._explicit_tableaux import CLASSICAL, DORMAND_PRINCE_8, ExplicitTableau
 from sepv.schemes._further_increments import answer as answer_of
@@ -50,6 +53,8 @@ from sepv.schemes._guard import (
     translated,
 )
 from sepv.schemes._guard import ask as ask
+from sepv.schemes._itoh_abe import formula as itoh_abe_formula
+from sepv.schemes._leapfrog import composed_leapfrogs
 from sepv.schemes._load_target import as_twin, load_object, require_trusted, words_for
 from sepv.schemes._load_target import load_problem as load_problem
 from sepv.schemes._load_target import load_scheme as load_scheme

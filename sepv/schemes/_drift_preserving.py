@@ -35,7 +35,7 @@ def _time(problem: Problem, h: float, noise: Array) -> Array:  # noqa: ARG001  (
 
 
 # Scheme (2.1) without its noise.
-quiet = implicit(formula, jacobian, parts=_time)
+quiet_step = implicit(formula, jacobian, parts=_time)
 
 
 def step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
@@ -49,11 +49,11 @@ def step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array
     require_undamped(problem)
     state, noise = as_lanes(problem, y, h, dW)
     before = np.reshape(np.asarray(first, dtype=np.float64), noise.shape)
-    moved = quiet(problem, pushed(problem, state, before), h, noise)
-    return pushed(problem, moved, noise - before).reshape(y.shape)
+    moved = quiet_step(problem, pushed_by_noise(problem, state, before), h, noise)
+    return pushed_by_noise(problem, moved, noise - before).reshape(y.shape)
 
 
-def pushed(problem: Problem, y: Array, dW: Array) -> Array:
+def pushed_by_noise(problem: Problem, y: Array, dW: Array) -> Array:
     """The state y + Σ c_j ΔW_j f_j, moved by the constant noise fields f_j alone."""
     for j, (c, increment) in enumerate(zip(problem.c, dW, strict=True)):
         y = y + c * increment * noise_field(problem, j, y)

@@ -10,7 +10,7 @@ import numpy as np
 
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem, drift, noise_vectors
-from sepv.schemes._drift_preserving import pushed
+from sepv.schemes._drift_preserving import pushed_by_noise
 from sepv.schemes._langevin import of_friction
 from sepv.schemes._one_step import CLAIMS_OF_ALL
 
@@ -21,7 +21,7 @@ def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """
     if len(noise_vectors(problem)) != problem.noises:
         raise Skipped(f"the noise of {problem.name} is not given by constant vectors")
-    return np.asarray(pushed(problem, y + h * drift(problem, y), dW))
+    return np.asarray(pushed_by_noise(problem, y + h * drift(problem, y), dW))
 
 
 scheme = of_friction(

@@ -58,7 +58,7 @@ class KicksAndDrifts:
         return system.join(moved, pushed)
 
 
-def composed(shares: Sequence[float]) -> KicksAndDrifts:
+def composed_leapfrogs(shares: Sequence[float]) -> KicksAndDrifts:
     """Leapfrog steps of the lengths `shares`·Δ, one after the other,
     as one sequence of kicks and drifts.
 
@@ -91,10 +91,10 @@ def _scheme(name: str, formula: KicksAndDrifts, order: int, source: str) -> Sche
 
 
 _TRIPLE = 1 / (2 - 2 ** (1 / 3))
-scheme = _scheme("leapfrog", composed((1.0,)), 2, "Störmer-Verlet, kick-drift-kick")
+scheme = _scheme("leapfrog", composed_leapfrogs((1.0,)), 2, "Störmer-Verlet, kick-drift-kick")
 yoshida = _scheme(
     "yoshida-4",
-    composed((_TRIPLE, 1 - 2 * _TRIPLE, _TRIPLE)),
+    composed_leapfrogs((_TRIPLE, 1 - 2 * _TRIPLE, _TRIPLE)),
     4,
     "triple jump of H. Yoshida (Phys. Lett. A 150, 1990)",
 )

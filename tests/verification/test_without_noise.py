@@ -40,7 +40,7 @@ from sepv.faults.saboteurs import SABOTEURS
 from sepv.law import quiet_problem
 from sepv.problem import Array, Problem, Systems, mechanics
 from sepv.record import EPS
-from sepv.schemes._leapfrog import composed
+from sepv.schemes._leapfrog import composed_leapfrogs
 from sepv.schemes._one_step import Explicit
 from sepv.verification import Effort, Finding, Run, Verdict, load_laws
 
@@ -109,7 +109,7 @@ def test_schemes_with_noise_have_an_order_without_it(name: str, order: float) ->
     ("scheme", "claimed", "order"),
     [
         (LEAPFROG, 3, 2), (LEAPFROG, 4, 2), (YOSHIDA, 6, 4), (BLANES_MOAN, 5, 4), (MECHANICAL[2], 4, 3),
-        (replace(YOSHIDA, step=Explicit(composed((1.35, -1.7, 1.35)))), 4, 2),
+        (replace(YOSHIDA, step=Explicit(composed_leapfrogs((1.35, -1.7, 1.35)))), 4, 2),
         (_own(_runge_kutta(0.5)), 5, 4), (_own(_runge_kutta(0.25)), 4, 2), (_own(_one_mass_each), 2, 0),
         (SABOTEURS["runge-kutta-in-digits"].scheme, 4, 2), (SABOTEURS["weights-beyond-one"].scheme, 4, 0),
         (SABOTEURS["damped-at-once"].scheme, 2, 1), (sepv.schemes.by_name("conformal"), 3, 2),

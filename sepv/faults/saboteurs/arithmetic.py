@@ -11,7 +11,7 @@ from sepv.core.formula import Fields, counted
 from sepv.problem import Array, Problem
 from sepv.schemes import Step, random_step
 from sepv.schemes import energy_preserving_formula as formula
-from sepv.schemes._energy_preserving import jacobian
+from sepv.schemes import energy_preserving_jacobian as jacobian
 
 from .formula import of_degree, quadrature, with_average, with_structure
 from .record import Family, answering, implicit, middle, right_side

@@ -12,8 +12,7 @@ import numpy as np
 from sepv import schemes
 from sepv.core.formula import Fields
 from sepv.problem import Array, Problem, matvec, mechanics
-from sepv.schemes import StatefulStep, Step, as_lanes, energy_preserving
-from sepv.schemes import _one_step as one_step
+from sepv.schemes import StatefulStep, Step, as_lanes, energy_preserving, implicit
 
 from .formula import with_structure
 from .record import Family, claiming, imitating, middle
@@ -88,7 +87,7 @@ def _from(first: int, wrong: Step) -> StatefulStep:
     return StatefulStep(lambda _problem, y: (y.copy(), 1), partial(_later, first, wrong), _first)
 
 
-_OFF = one_step.implicit(with_structure(lambda fields, y, z: fields.structure(y + (0.5 + 1e-6) * z)))
+_OFF = implicit(with_structure(lambda fields, y, z: fields.structure(y + (0.5 + 1e-6) * z)))
 
 
 def _extrapolated(problem: Problem, state: Any, h: float, dW: Array) -> Any:
@@ -104,7 +103,7 @@ def _extrapolated(problem: Problem, state: Any, h: float, dW: Array) -> Any:
         )
         return step[0] * matvec(B, fields.mean_gradient(y, z))
 
-    y1 = one_step.implicit(increment)(problem, y, h, dW)
+    y1 = implicit(increment)(problem, y, h, dW)
     return y1, y1 - y
 
 

@@ -12,8 +12,7 @@ from sepv import schemes
 from sepv.core.formula import Increment
 from sepv.problem import Array, Problem, each_noise, hamiltonian_field
 from sepv.problems import algebra_of
-from sepv.schemes import Implicit, as_lanes, implicit
-from sepv.schemes._drift_preserving import pushed, quiet
+from sepv.schemes import Implicit, as_lanes, implicit, pushed_by_noise, quiet_step
 
 from .record import Family, imitating
 
@@ -117,23 +116,23 @@ def pushed_too_far(problem: Problem, y: Array, h: float, dW: Array, first: Array
     )  # raises for problems that the scheme refuses
     state, noise = as_lanes(problem, y, h, dW)
     before, far = np.reshape(first, noise.shape), 1 + 2.0**-20
-    middle = quiet(problem, pushed(problem, state, far * before), h, noise)
-    return pushed(problem, middle, far * (noise - before)).reshape(y.shape)
+    middle = quiet_step(problem, pushed_by_noise(problem, state, far * before), h, noise)
+    return pushed_by_noise(problem, middle, far * (noise - before)).reshape(y.shape)
 
 
 def _between_the_halves(
-    quiet_step: Implicit, problem: Problem, y: Array, h: float, dW: Array, first: Array
+    no_noise: Implicit, problem: Problem, y: Array, h: float, dW: Array, first: Array
 ) -> Array:
     """Make a step without noise between the two halves of the noise, as drift-preserving does."""
     schemes.drift_preserving.step(problem, y, 0.0, 0 * dW, 0 * first)  # raises for a refused problem
     state, noise = as_lanes(problem, y, h, dW)
     before = np.reshape(first, noise.shape)
-    moved = quiet_step(problem, pushed(problem, state, before), h, noise)
-    return pushed(problem, moved, noise - before).reshape(y.shape)
+    moved = no_noise(problem, pushed_by_noise(problem, state, before), h, noise)
+    return pushed_by_noise(problem, moved, noise - before).reshape(y.shape)
 
 
 _explicit_structure = implicit(
-    lambda fields, y, z, step: step[0] * fields.apply(y, fields.mean_gradient(y, z)), parts=quiet.parts
+    lambda fields, y, z, step: step[0] * fields.apply(y, fields.mean_gradient(y, z)), parts=quiet_step.parts
 )
 
 
@@ -149,7 +148,7 @@ def structure_before_the_step(problem: Problem, y: Array, h: float, dW: Array, f
     return _between_the_halves(_explicit_structure, problem, y, h, dW, first)
 
 
-_midpoint = implicit(lambda fields, y, z, step: step[0] * fields.field(y + 0.5 * z), parts=quiet.parts)
+_midpoint = implicit(lambda fields, y, z, step: step[0] * fields.field(y + 0.5 * z), parts=quiet_step.parts)
 
 
 @SABOTEURS.like(

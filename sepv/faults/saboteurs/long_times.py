@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 
 from sepv.problem import Array, Problem, matvec, mechanics
-from sepv.schemes import Scheme, as_lanes, explicit, leapfrog, midpoint
-from sepv.schemes._leapfrog import blanes_moan
+from sepv.schemes import Scheme, as_lanes, by_name, explicit, leapfrog, midpoint
 
 from .record import Family
 
 SABOTEURS = Family("long times")
+_BLANES_MOAN = by_name("blanes-moan-4")
 
 
 @SABOTEURS.like(
@@ -76,13 +76,13 @@ def a_little_friction(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 @SABOTEURS.like(
-    blanes_moan,
+    _BLANES_MOAN,
     "the state is stored in single precision after each step, towards zero",
     ("long-time-energy", "poisson-map:constant", "symmetry", "identity"),
 )
 def stored_in_single_precision(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Round the result of each step to 24 bits, toward zero."""
-    result = blanes_moan.step(problem, y, h, dW)
+    result = _BLANES_MOAN.step(problem, y, h, dW)
     near = result.astype(np.float32)
     beyond = np.abs(near) > np.abs(result)
     return np.where(beyond, np.nextafter(near, np.float32(0)), near).astype(np.float64)

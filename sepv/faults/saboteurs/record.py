@@ -11,10 +11,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from sepv import schemes
 from sepv.core.formula import Formula, counted
 from sepv.problem import Array, Problem
 from sepv.schemes import Parts, Scheme, Step, as_lanes, random_step
-from sepv.schemes import _one_step as one_step
 from sepv.schemes import energy_preserving as original
 from sepv.schemes import energy_preserving_formula as formula
 
@@ -83,7 +83,7 @@ def implicit(R: Formula, parts: Parts = random_step, **more: Any) -> Callable[[]
     """Make a function that returns (2.1) with the step y1 = y0 + R(…);
     `parts` computes the data of R, such as Δ.
     """
-    return lambda: claiming(one_step.implicit(R, parts=parts, **more))
+    return lambda: claiming(schemes.implicit(R, parts=parts, **more))
 
 
 def explicit(update: Update) -> Callable[[], Scheme]:

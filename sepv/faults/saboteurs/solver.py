@@ -13,7 +13,7 @@ from sepv.errors import StepFailure
 from sepv.problem import Array, Problem, forward_differences, linear_solve, vector_field
 from sepv.record import EPS
 from sepv.schemes import Scheme, Step, as_lanes, energy_preserving, random_step
-from sepv.schemes._energy_preserving import jacobian
+from sepv.schemes import energy_preserving_jacobian as jacobian
 
 from .record import Family, claiming, explicit, right_side
 
