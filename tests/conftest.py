@@ -80,8 +80,8 @@ TOGETHER = {
 SEARCHES = ("test_a_fault_of_a_pair_of_strata_is_found_in_that_pair[single", "test_a_wrong_term_is_named")
 QUICK = (
     "tests/record/", "tests/core/", "tests/problem/test_problems.py", "tests/problem/test_structures.py",
-    "tests/verification/test_tolerance.py", "tests/test_imports.py", "tests/docs/test_names.py",
-    *(f"tests/verification/test_search.py::{name}" for name in SEARCHES),
+    "tests/law/test_tolerance.py", "tests/test_imports.py", "tests/docs/test_names.py",
+    *(f"tests/law/test_search.py::{name}" for name in SEARCHES),
 )  # fmt: skip
 
 
