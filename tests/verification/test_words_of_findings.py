@@ -344,8 +344,7 @@ START = (
         ("sepv reproduce 4.4", True),
         ("sepv hard --steps 1000000 --json r.json", False),
         ("sepv solvability lotka-volterra --states 4000 --json r.json", False),
-        ("benchmarks.slopes", False),
-        pytest.param("benchmarks.local_orders", False, marks=pytest.mark.deep),
+        ("benchmarks.orders", False),
     ],
 )
 def test_ctrl_c_ends_all_processes_with_a_word_and_leaves_no_half_file(words, workers, tmp_path):
