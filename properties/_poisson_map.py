@@ -26,7 +26,7 @@ from sepv.law import Measurement, amplification
 from sepv.law.cases.case import Case
 from sepv.law.contraction import contraction_ball
 from sepv.law.tolerance import accumulated, operations, step_residual, structure_majorant
-from sepv.problem import Array, Problem, derivative_of_structure, poisson
+from sepv.problem import Array, Problem, damping_of, derivative_of_structure, poisson
 from sepv.record import EPS, TINY, PolynomialMap
 from sepv.schemes import Scheme, ask
 
@@ -111,7 +111,7 @@ def _disc(problem: Problem, y: Array, h: float, dW: Array) -> float:
 
     It is not known if H or B is a function, the step is long, or damping moves y too.
     """
-    if problem.damping or not (
+    if damping_of(problem) or not (
         isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap)
     ):
         return 0.0

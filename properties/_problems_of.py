@@ -13,7 +13,7 @@ from sepv.errors import Skipped
 from sepv.law.cases.case import Case, quiet, quiet_problem
 from sepv.law.cases.users_problems import sources
 from sepv.law.units import Units, units_of
-from sepv.problem import Array, Problem, is_several
+from sepv.problem import Array, Problem, one_field
 from sepv.schemes import Scheme
 
 NO_START = "the problems have no initial state: name one that has, or give initial= when making it"
@@ -60,7 +60,7 @@ def as_taken(scheme: Any, listed: Iterable[Problem]) -> tuple[Problem, ...]:
     found = tuple(listed)
     if not scheme.deterministic:
         return found
-    if single := tuple(quiet_problem(problem) for problem in found if not is_several(problem)):
+    if single := tuple(quiet_problem(problem) for problem in found if one_field(problem)):
         return single
     raise Skipped("the scheme is for c = (), and each noise of the problems has a field of its own")
 

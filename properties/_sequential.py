@@ -30,7 +30,7 @@ from sepv.law import Effort, Finding, Law, Run, Verdict, first_order
 from sepv.law.advice import is_explicit
 from sepv.law.along_paths import watching
 from sepv.law.cases.users_problems import sources
-from sepv.problem import Problem, is_several
+from sepv.problem import Problem, one_field
 from sepv.schemes import OF_DAMPED, OF_SEVERAL, Scheme, guarded
 
 FALSE_ALARM = 1e-4
@@ -100,7 +100,7 @@ def is_tilted(scheme: Scheme) -> bool:
     """
     # With several fields or damping the exact solution depends on the whole path. `tilted_errors`
     # uses only W(T).
-    own = any(is_several(problem) for item in sources(scheme) for problem in item.problems)
+    own = any(not one_field(problem) for item in sources(scheme) for problem in item.problems)
     order = None if own or scheme.systems in OF_SEVERAL | OF_DAMPED else scheme.mean_square_order
     return order is not None and order >= TILTED
 

@@ -31,14 +31,15 @@ from sepv.problem import (
     Array,
     Function,
     GivenProblem,
-    HamiltoniansProblem,
     PolynomialSystem,
     Problem,
     Relation,
     damping_of,
     derivatives,
     noise_vectors,
+    one_hamiltonian,
     relation,
+    uniform_damping,
 )
 from sepv.problems import bracket
 from sepv.record import Polynomial, PolynomialMap, poly
@@ -88,7 +89,7 @@ def energies(case: Case) -> list[Stated]:
     if data.damping:
         decays = Relation(0.0, max(degrees, default=0) * damping_of(problems.build(data)), (), drifts=True)
         return [_polynomial("H", data.hamiltonian, decays)] if len(degrees) == 1 and degrees != {0} else []
-    rate = drift_of_energy(data) if isinstance(problems.build(data), HamiltoniansProblem) else None
+    rate = None if one_hamiltonian(problems.build(data)) else drift_of_energy(data)
     if rate is None:
         return []
     return [
@@ -101,7 +102,7 @@ def has_friction_and_noise(case: Case) -> bool:
     theory's constants.
     """
     problem = problems.build(case.problem)
-    return isinstance(problem, HamiltoniansProblem) and bool(problem.damping)
+    return bool(damping_of(problem)) and uniform_damping(problem) is None
 
 
 def drift_of_energy(data: PolynomialSystem) -> float | None:
@@ -179,5 +180,5 @@ def with_noises(case: Case, kept: Sequence[int]) -> Case | None:
         data, noise=chosen(data.noise), noise_hamiltonians=chosen(data.noise_hamiltonians),
         noise_vectors=chosen(data.noise_vectors),
     )  # fmt: skip
-    built = isinstance(problems.build(fewer), HamiltoniansProblem)
-    return replace(case, problem=fewer, dW=chosen(case.dW)) if built else None
+    kept_as = one_hamiltonian(problems.build(fewer))
+    return None if kept_as else replace(case, problem=fewer, dW=chosen(case.dW))

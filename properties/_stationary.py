@@ -44,6 +44,7 @@ from sepv.problem import (
     Problem,
     Systems,
     damping_matrix,
+    damping_of,
     drift,
     friction,
     hessian,
@@ -279,7 +280,7 @@ def balanced(scheme: Scheme, seed: int) -> Iterator[tuple[Problem, Stationary]]:
     why, found = "the systems have no friction", False
     whole = scheme.systems is Systems.FRICTION and not scheme.problems
     for problem in (*(problems_of(scheme) or ()), *(members(seed) if whole else ())):
-        distribution = exact(problem) if problem.damping else f"{problem.name} has no friction"
+        distribution = exact(problem) if damping_of(problem) else f"{problem.name} has no friction"
         if isinstance(distribution, Stationary):
             found = True
             yield problem, distribution

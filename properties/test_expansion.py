@@ -11,9 +11,9 @@ of eps/Δ. The polynomial systems have all the terms that f(0) and f′(0) need.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import mpmath
@@ -26,14 +26,14 @@ from sepv.law.cases.random_cases import ORIGIN_SHARE
 from sepv.law.contraction import contraction_ball
 from sepv.problem import (
     Array,
-    HamiltoniansProblem,
     PolynomialSystem,
     Problem,
-    StructuresProblem,
     combined,
     combined_slope,
     derivative_along,
-    is_several,
+    hessian,
+    one_field,
+    one_hamiltonian,
     vector_field,
 )
 from sepv.record import TINY
@@ -59,7 +59,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     on both lines.
     """
     problem, _, h, dW = case.build()
-    if is_several(problem):  # no noise reverses the drift: h changes its sign too
+    if not one_field(problem):  # no noise reverses the drift: h changes its sign too
         return _on(scheme, case, lambda s: (s * h, s * dW))
     other = turned(problem, h, dW)
 
@@ -90,7 +90,7 @@ def _on(scheme: Scheme, case: Case, arguments: Arguments) -> Measurement:
     radius = min(radius, 1.0)
     values, rounding = {}, 0.0
     field, delta = (
-        frozen(problem, h, dW) if is_several(problem) else (problem, float(problem.random_step(h, dW)))
+        frozen(problem, h, dW) if not one_field(problem) else (problem, float(problem.random_step(h, dW)))
     )
     for share in (1.0, 0.5):
         for sign in (1.0, -1.0):
@@ -138,25 +138,20 @@ def frozen(problem: Problem, h: float, dW: Array) -> tuple[Problem, float]:
     """
     parts = np.array([h, *(problem.c * dW)])
     length = float(np.abs(parts).sum())
-    if isinstance(problem, HamiltoniansProblem):
-        weights = parts / length
-        gradients, hessians = (
-            (problem.gradient, *problem.noise_gradients),
-            (problem.hessian, *problem.noise_hessians),
-        )
+    if not one_hamiltonian(problem):
+        weights, second = parts / length, [partial(hessian, problem, channel=F) for F in problem.channels]
 
-        def summed(functions: tuple[Any, ...]) -> Any:
+        def summed(functions: Sequence[Any]) -> Any:
             return lambda y: sum(w * f(y) for w, f in zip(weights, functions, strict=True))
 
         return Problem(
-            problem.dimension, problem.structure, problem.hamiltonian, summed(gradients), hessian=summed(hessians),
-            structure_derivative=problem.structure_derivative, check=False,
+            problem.dimension, problem.structure, problem.hamiltonian, summed(problem.gradients),
+            hessian=summed(second), structure_derivative=problem.structure_derivative, check=False,
         ), length  # fmt: skip
 
-    derivatives: list[Any] = [problem.structure_derivative]
-    if isinstance(problem, StructuresProblem):
-        derivatives.append(problem.noise_structure_derivatives)
-    slope: Any = None if None in derivatives else lambda y: combined_slope(problem, y, parts / length)
+    slope: Any = None
+    if problem.structure_derivatives is not None:
+        slope = lambda y: combined_slope(problem, y, parts / length)  # noqa: E731
     return Problem(
         problem.dimension,
         lambda y: combined(problem, y, parts / length),

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from sepv.law import Case, Cases, Effort, Measurement, require, searched, state_ulp
-from sepv.problem import HamiltoniansProblem, NamedProblem, Systems, is_several, noise_vectors
+from sepv.problem import NamedProblem, Systems, hamiltonians_of, noise_vectors, one_field
 from sepv.schemes import Scheme, ask
 
 PENDULUM_AT_REST = Case(NamedProblem("pendulum", (("noise", (1.0, 0.5)),)), (0.0, 0.0), 0.25, (0.5, -0.25))
@@ -23,11 +23,10 @@ def unmoved(case: Case) -> Case:
     ΔW_j are set to 0.
     """
     problem, y, h, dW = case.build()
-    c, others = problem.c, problem.noise_gradients if isinstance(problem, HamiltoniansProblem) else ()
-    pushed = noise_vectors(problem).any()
-    if not pushed and not any(gradient(y).any() for gradient in (problem.gradient, *others)):
+    c, pushed = problem.c, noise_vectors(problem).any()
+    if not pushed and not any(F.gradient(y).any() for F in hamiltonians_of(problem) if F.gradient):
         return case
-    if is_several(problem) or not c.size or not c[0]:
+    if not one_field(problem) or not c.size or not c[0]:
         still = h == 0 and not (c * dW).any()
         return case if still else replace(case, h=0.0, dW=(0.0,) * c.size)
     if float(problem.random_step(h, dW)) == 0:

@@ -25,7 +25,13 @@ from sepv.law import (
 )
 from sepv.law.cases.case import with_noise
 from sepv.law.cases.fixed_cases import many
-from sepv.problem import GivenProblem, HamiltoniansProblem, PolynomialSystem, Systems, is_several
+from sepv.problem import (
+    GivenProblem,
+    PolynomialSystem,
+    Systems,
+    one_field,
+    one_hamiltonian,
+)
 from sepv.record import Polynomial
 from sepv.schemes import Scheme, ask
 
@@ -39,7 +45,7 @@ def several_noises(case: Case) -> Case | None:
     """
     problem = case.build()[0]
     c = tuple(float(v) for v in problem.c)
-    if len(c) > 1 or is_several(problem):
+    if len(c) > 1 or not one_field(problem):
         return case if len(c) > 1 else None
     first = c[0] if c and c[0] else 1.0
     share = case.dW[0] if case.dW and c[0] else case.h
@@ -57,8 +63,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """
     problem, _, _, dW = case.build()
     data, c = case.problem, tuple(float(v) for v in problem.c)
-    if is_several(problem):
-        if isinstance(problem, HamiltoniansProblem) and isinstance(data, GivenProblem):
+    if not one_field(problem):
+        if isinstance(data, GivenProblem) and not one_hamiltonian(problem):
             return _furthest(scheme, case, _given_orders(case, data))
         if not isinstance(data, PolynomialSystem):
             raise Skipped("its noises cannot be reversed: the problem is not data")

@@ -25,7 +25,7 @@ from sepv.properties._structures import is_constant, is_poisson
 
 from sepv.law import Case, Cases, Effort, Measurement, Middle, require, searched
 from sepv.law.contraction import shortened
-from sepv.problem import Systems, conformal_rate
+from sepv.problem import Systems, conformal_rate, damping_of
 from sepv.schemes import OF_DAMPED, Scheme
 
 
@@ -48,7 +48,7 @@ def constant(case: Case) -> Case | None:
 def conformal(case: Case) -> Case | None:
     """Keep a case of constant B if its damping has a κ."""
     problem, y, _, _ = case.build()
-    if not problem.damping or (kept := constant(case)) is None:
+    if not damping_of(problem) or (kept := constant(case)) is None:
         return None
     return kept if conformal_rate(problem, y) is not None else None
 

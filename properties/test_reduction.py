@@ -14,7 +14,7 @@ from sepv.reference.equations_by_class import equation_for
 from sepv.law import Case, Cases, Effort, Measurement, require, searched
 from sepv.law.cases.case import with_noise
 from sepv.law.tolerance import state_error
-from sepv.problem import GivenProblem, PolynomialSystem, StructuresProblem
+from sepv.problem import GivenProblem, PolynomialSystem, one_field
 from sepv.schemes import Scheme, Systems, ask
 
 
@@ -57,7 +57,7 @@ def reduced(case: Case) -> Case | None:
     if isinstance(case.problem, GivenProblem):
         return None
     problem, y, h, dW = case.build()
-    if isinstance(problem, StructuresProblem):
+    if not one_field(problem):
         data = case.problem
         same = (
             isinstance(data, PolynomialSystem) and data.noise_structures == (data.structure,) * problem.noises

@@ -43,7 +43,7 @@ from sepv.law.cases.from_problem import describe
 from sepv.law.cases.of_law import NOT_KEPT, UNDAMPED
 from sepv.law.tolerance import rounding_variances
 from sepv.law.units import units_of
-from sepv.problem import Array, HamiltoniansProblem, Problem, damping_of, is_several, vector_field
+from sepv.problem import Array, Problem, damping_of, one_field, one_hamiltonian, vector_field
 from sepv.record import EPS, TINY
 from sepv.schemes import Scheme, Systems, guarded
 from sepv.simulate import Carried, Watch, advance, wiener
@@ -195,7 +195,7 @@ def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
     """
     users = problems_of(scheme)
     if users is not None:
-        users = tuple(problem for problem in users if not isinstance(problem, HamiltoniansProblem))
+        users = tuple(problem for problem in users if one_hamiltonian(problem))
     if users and all(map(damping_of, users)):
         raise Skipped(UNDAMPED)
     if scheme.systems == Systems.HAMILTONIANS or users == ():
@@ -266,7 +266,7 @@ def escaping(problem: Problem, dW: Array, h: float) -> str:
     followed to the median, over the paths, of the largest or of the smallest θ, it ends on half of
     them, and a failed step is no fault.
     """
-    if is_several(problem):
+    if not one_field(problem):
         return ""
     theta = np.cumsum(h + np.tensordot(dW, problem.c, axes=(1, 0)), axis=0)
     ends = [min(0.0, float(np.median(theta.min(axis=0)))), max(0.0, float(np.median(theta.max(axis=0))))]

@@ -28,7 +28,7 @@ from benchmarks.peers.solver import KINDS, Solver, problem_of
 from sepv._version import __version__
 from sepv.law import Effort, Verdict
 from sepv.problem import Array, Problem, matvec, noise_field
-from sepv.problem._hamiltonians import noise_slope
+from sepv.problem._channels import slope as slope_of_channel
 from sepv.schemes import Scheme
 from sepv.simulate import RoughPath, run_chunk
 from sepv.verification import load_laws, verify
@@ -128,7 +128,7 @@ def _limit(solver: Solver, kind: str) -> dict[str, float]:
 def _correction(problem: Problem, y: Array) -> Array:
     """Itô's correction ½ Σ_j c_j² f_j′f_j of the drift."""
     parts = [
-        0.5 * c * c * matvec(noise_slope(problem, j, y), noise_field(problem, j, y))
+        0.5 * c * c * matvec(slope_of_channel(problem, 1 + j, y), noise_field(problem, j, y))
         for j, c in enumerate(problem.c)
     ]
     return np.asarray(sum(parts))

@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.right_schemes.solved_otherwise import CLAIMED, Refused, like_the_core, of_lanes
 from sepv.core.formula import CountedFields, Fields
 from sepv.errors import Skipped
-from sepv.problem import Array, DampedProblem, Problem, mechanics, noise_field, vector_field
+from sepv.problem import Array, Problem, mechanics, noise_field, uniform_damping, vector_field
 from sepv.record import EPS
 from sepv.schemes import (
     Explicit,
@@ -194,11 +194,12 @@ def _damped_in_the_middle(problem: Problem, y: Array, h: float, dW: Array) -> Ar
     """A symmetric composition: (2.1) for half of the step and its increments, all of the damping,
     and (2.1) again.
     """
-    if not isinstance(problem, DampedProblem):
+    rate = uniform_damping(problem)
+    if not rate:
         raise Skipped("for damped systems")
     y0, noise = as_lanes(problem, y, h, dW)
     first = undamped(problem, y0, 0.5 * h, 0.5 * noise)
-    damped = np.exp(-h * problem.damping) * first
+    damped = np.exp(-h * rate) * first
     return undamped(problem, damped, 0.5 * h, 0.5 * noise).reshape(np.shape(y))
 
 

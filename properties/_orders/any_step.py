@@ -25,13 +25,11 @@ from sepv.exact import FlowFailure, exact_flow
 from sepv.law import Run
 from sepv.problem import (
     Array,
-    HamiltoniansProblem,
     PolynomialSystem,
     Problem,
-    StructuresProblem,
     Systems,
     column,
-    damping_of,
+    one_field,
     scaled_damping,
 )
 from sepv.problems import started
@@ -138,11 +136,7 @@ def lower_order(scheme: Scheme, run: Run) -> tuple[tuple[float, float, str] | No
         listed = (two_noises(),)
     steps = 0
     for problem in listed:
-        if (
-            isinstance(problem, (HamiltoniansProblem, StructuresProblem))
-            or damping_of(problem)
-            or not problem.noises
-        ):
+        if not one_field(problem) or not problem.noises:
             continue
         try:
             pairs = list(_pairs(scheme, problem, run.effort.seed))

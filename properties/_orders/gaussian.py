@@ -21,7 +21,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from sepv.problem import Array, HamiltoniansProblem, Problem, column
+from sepv.problem import Array, Problem, column, one_hamiltonian
 from sepv.record import gauss_legendre
 from sepv.schemes import PointLaw, Scheme
 from sepv.simulate import areas
@@ -169,7 +169,7 @@ def rule_for(
     For several Hamiltonians, the difference from a rule with `fewer` nodes less in each variable
     shows the error. `unit` is the unit of time of h in the truncation bound A_h.
     """
-    several = isinstance(problem, HamiltoniansProblem)
+    several = not one_hamiltonian(problem)
     needed = scheme.asks == "areas" or (several and column(problem) == "general")
     # For several Hamiltonians panels and areas would need too many nodes. The law "truncation"
     # tests clipping.

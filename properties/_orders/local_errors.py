@@ -34,14 +34,15 @@ from sepv.exact import FlowFailure, exact_flow
 from sepv.law import Run
 from sepv.problem import (
     Array,
-    HamiltoniansProblem,
     PolynomialSystem,
     Problem,
-    StructuresProblem,
     Systems,
     column,
     commutes,
+    one_field,
+    one_hamiltonian,
     sample_states,
+    uniform_damping,
 )
 from sepv.problems import started
 from sepv.record import EPS, poly
@@ -186,7 +187,7 @@ def _measure(scheme: Scheme, problem: Problem, spared: bool) -> LocalErrors:
     rules = [(h, step_rule(scheme, problem, h)) for h in sizes]
     law = point_law(scheme.increments)
     known = moments_only(problem)
-    top = max(FULL_DEGREE, int(2 * weak + 1)) if isinstance(problem, HamiltoniansProblem) else FULL_DEGREE
+    top = max(FULL_DEGREE, int(2 * weak + 1)) if not one_hamiltonian(problem) else FULL_DEGREE
     exact, flow = solutions_at(problem, states, rules, top)
     seen = (rules[0][1].degree + 1) // 2
     if known and not isinstance(problem.data, PolynomialSystem):
@@ -222,9 +223,9 @@ def moments_only(problem: Problem) -> bool:
     """True if a problem's exact solution has no formula, so that only its moments are known,
     from the generator.
     """
-    if isinstance(problem, HamiltoniansProblem):
-        return problem.closed_form is None and not commutes(problem)
-    return isinstance(problem, StructuresProblem) and problem.closed_form is None
+    if one_field(problem) or uniform_damping(problem) or getattr(problem, "closed_form", None):
+        return False
+    return one_hamiltonian(problem) or not commutes(problem)
 
 
 def from_log_flow(problem: Problem, states: Array, h: float, nodes: Rule, y: Array) -> float:
@@ -236,7 +237,7 @@ def from_log_flow(problem: Problem, states: Array, h: float, nodes: Rule, y: Arr
     with the drift make the distance O(h²).
     """
     general = column(problem) == "general"
-    if not isinstance(problem, HamiltoniansProblem) or (general and nodes.areas is None):
+    if one_hamiltonian(problem) or (general and nodes.areas is None):
         return float("nan")
     n = nodes.weights.size
     areas = h * nodes.areas if general and nodes.areas is not None else np.zeros((0, n))
@@ -299,7 +300,7 @@ def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) ->
     and their error.
     """
     form = getattr(problem, "closed_form", None)
-    if isinstance(problem, HamiltoniansProblem) and form is None:
+    if not one_hamiltonian(problem) and form is None:
         return _flows_at(problem, states, rules)
     if form is not None:
         scale = float(np.max(np.abs(states)))

@@ -26,7 +26,14 @@ from sepv.properties._orders.log_ode import runge_kutta
 from sepv.reference.generator import is_linear, moments
 
 from sepv.errors import Skipped
-from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, noise_field, vector_field
+from sepv.problem import (
+    Array,
+    PolynomialSystem,
+    Problem,
+    noise_field,
+    one_hamiltonian,
+    vector_field,
+)
 from sepv.record import EPS
 from sepv.schemes import DORMAND_PRINCE_8
 
@@ -66,7 +73,7 @@ def moments_at(
     data = problem.data
     if isinstance(data, PolynomialSystem):
         return _by_series(problem, data, states, sizes, degree), 0.0
-    if not isinstance(problem, HamiltoniansProblem):
+    if one_hamiltonian(problem):
         raise Skipped(f"{problem.name} has no closed form, and is not given as data")
     if problem.noises not in POINTS:
         count = len(exponents(problem.dimension, degree))
@@ -84,7 +91,7 @@ def _by_series(
     problem: Problem, data: PolynomialSystem, states: Array, sizes: list[float], degree: int
 ) -> list[Array]:
     linear = is_linear(data)
-    if not linear and not isinstance(problem, HamiltoniansProblem):
+    if not linear and one_hamiltonian(problem):
         raise Skipped(
             f"{problem.name} has several structures, no closed form, and fields that are not linear"
         )

@@ -20,18 +20,10 @@ import numpy as np
 
 from sepv.problem import (
     Array,
-    HamiltoniansProblem,
     Problem,
     bracket,
-    combined,
-    damping_of,
-    drift,
-    drift_bracket,
+    combined_field,
     each_noise,
-    hamiltonian_field,
-    matvec,
-    noise_vectors,
-    vector_field,
 )
 from sepv.record import EPS
 from sepv.schemes import CLASSICAL, DORMAND_PRINCE_8, ExplicitTableau
@@ -40,22 +32,6 @@ from sepv.simulate import RoughPath
 # The least and largest numbers of explicit steps. The number is doubled until the result changes by
 # roundings only.
 FEWEST, MOST = 4, 64
-
-
-def combined_field(problem: Problem, y: Array, parts: Array) -> Array:
-    """The field h f_0(y) + Σ_j c_j ΔW_j f_j(y) (d, M) of a step,
-    with the drift f_0 and the fields f_j of the noises.
-
-    `parts` (1 + m, M) holds h and the c_j ΔW_j. For a problem with damping, f_0 = B∇H_0 − γy or
-    B∇H_0 − Γy.
-    """
-    if len(vectors := noise_vectors(problem)):
-        return parts[0] * drift(problem, y) + vectors.T @ parts[1:]
-    if gamma := damping_of(problem):
-        return parts.sum(axis=0) * vector_field(problem, y) - parts[0] * gamma * y
-    if isinstance(problem, HamiltoniansProblem):
-        return hamiltonian_field(problem, y, parts)
-    return matvec(combined(problem, y, parts), problem.gradient(y))
 
 
 def field(problem: Problem, y: Array, parts: Array, areas: Array, bridges: Array | None = None) -> Array:
@@ -78,9 +54,9 @@ def with_brackets(
     for area, (i, j) in zip(areas, combinations(range(problem.noises), 2), strict=False):
         factor = problem.c[i] * problem.c[j] * area
         if np.any(factor):
-            total = total + factor * bracket(problem, i, j, y)
+            total = total + factor * bracket(problem, 1 + i, 1 + j, y)
     for j, H in enumerate(() if bridges is None else bridges):
-        total = total - problem.c[j] * h * H * drift_bracket(problem, j, y)
+        total = total - problem.c[j] * h * H * bracket(problem, 0, 1 + j, y)
     return total
 
 

@@ -19,9 +19,8 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 from sepv.properties._orders.convergence import StrongErrors
-from sepv.properties._orders.log_ode import combined_field
 
-from sepv.problem import Array, Problem
+from sepv.problem import Array, Problem, drift, ito_drift, noise_field
 from sepv.statistics import students_t
 
 
@@ -116,20 +115,10 @@ def limit_errors(errors: StrongErrors, problem: Problem) -> tuple[list[str], Arr
 
 
 def _directions(problem: Problem, y: Array, T: float, W: Array) -> tuple[list[str], list[Array]]:
-    def field(j: int, y: Array) -> Array:
-        parts = np.zeros((1 + problem.noises, y.shape[1]))
-        parts[j] = 1.0
-        return np.asarray(combined_field(problem, y, parts))
-
-    noises = [c * W[j] * field(j + 1, y) for j, c in enumerate(problem.c)]
-    correction = np.zeros_like(y)
-    for j, c in enumerate(problem.c, 1):
-        f = field(j, y)
-        # A central difference. Its error of about 1e-10 only changes the direction v a little.
-        ahead = 1e-5 / max(float(np.max(np.abs(f))), 1e-300) * f
-        slope = (field(j, y + ahead) - field(j, y - ahead)) * float(np.max(np.abs(f))) / 2e-5
-        correction += 0.5 * T * c**2 * slope
-    named = [("drift", T * field(0, y)), ("noise", np.sum(noises, axis=0))]
+    noises = [c * W[j] * noise_field(problem, j, y) for j, c in enumerate(problem.c)]
+    first = drift(problem, y)
+    correction = T * (ito_drift(problem, y) - first)
+    named = [("drift", T * first), ("noise", np.sum(noises, axis=0))]
     if len(noises) > 1:
         named += [(f"noise {j}", v) for j, v in enumerate(noises, 1)]
     named.append(("Itô correction", correction))

@@ -27,7 +27,7 @@ from sepv.problem import (
     column,
     commutes,
     each_noise,
-    is_several,
+    one_field,
 )
 from sepv.simulate import RoughPath, areas
 
@@ -39,7 +39,7 @@ def ends(problem: Problem, y0: Array, T: float, W: Array) -> Array | None:
     """Return the exact solution y(T) (d, M) from y0 (d,) for given W(T) (m, M),
     or None if there is no formula.
     """
-    if not is_several(problem):
+    if one_field(problem):
         return exact_flow(problem, problem.random_step(T, W), y0).y
     form = getattr(problem, "closed_form", None)
     if form is None and commutes(problem):

@@ -53,7 +53,7 @@ from sepv.law import Verdict
 from sepv.law.cases.case import quiet, quiet_problem
 from sepv.law.cases.users_problems import items, sources
 from sepv.law.units import units_of
-from sepv.problem import Array, Problem, damping_of, is_several, sample_states
+from sepv.problem import Array, Problem, damping_of, one_field, sample_states
 from sepv.record import EPS
 from sepv.schemes import Scheme, guarded
 from sepv.simulate import advance, run_chunk
@@ -369,8 +369,7 @@ def quiet_problems(scheme: Scheme) -> tuple[Problem, ...]:
     listed = [p for item in own for p in item.problems] if own else list(cases(scheme.systems))
     members = [member for item in own if item.space is not None for member in _members(item.text)]
     found = {
-        id(p): p
-        for p in (quiet_problem(p) for p in (*listed, *members) if damping_of(p) or not is_several(p))
+        id(p): p for p in (quiet_problem(p) for p in (*listed, *members) if damping_of(p) or one_field(p))
     }
     if not found:
         raise Skipped(NO_START)

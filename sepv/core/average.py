@@ -3,7 +3,8 @@
 A closed form is used if the problem gives one. For a polynomial H of degree ν, Gauss-Legendre
 quadrature with ⌈ν/2⌉ nodes is exact, because the integrand has degree ν − 1 in τ. For any other H,
 adaptive quadrature estimates its error. No fixed number of nodes suffices for all H: with eight
-Gauss nodes, the energy of a logarithmic H has an error of 8e-5.
+Gauss nodes, the energy of a logarithmic H has an error of 8e-5. A record of a Casimir is averaged
+likewise.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sepv.core.arrays import EPS, Array, Flags, summed
-from sepv.core.problem import Averaged
+from sepv.core.problem import System
 
 # Numbers of nodes of the adaptive quadrature: the next is tried until two results agree. 128 nodes
 # resolve integrands that are analytic within about a tenth of the segment's length.
@@ -38,7 +39,7 @@ class Average(NamedTuple):
     reliable: Any
 
 
-def average_gradient(problem: Averaged, y0: Array, y1: Array) -> Average:
+def average_gradient(problem: System, y0: Array, y1: Array) -> Average:
     """The average ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ of ∇H from y0 to y1, for states (d, ...)."""
     if problem.mean_gradient is not None:
         value = problem.mean_gradient(y0, y1)
@@ -50,7 +51,7 @@ def average_gradient(problem: Averaged, y0: Array, y1: Array) -> Average:
     return _adaptive(problem, y0, y1)
 
 
-def average_hessian(problem: Averaged, y0: Array, y1: Array) -> Array | None:
+def average_hessian(problem: System, y0: Array, y1: Array) -> Array | None:
     """The average's derivative (d, d, ...) by y1, ∫₀¹ τ H″(y0 + τ(y1 − y0)) dτ; None without H″.
 
     Only Newton's Jacobian uses the result. Three nodes therefore suffice if H is not a polynomial:
@@ -76,7 +77,7 @@ def _on_segment(y0: Array, y1: Array, points: Array) -> Array:
     return y0[:, None] + points.reshape(1, -1, *(1,) * (y0.ndim - 1)) * (y1 - y0)[:, None]
 
 
-def _quadratures(problem: Averaged, y0: Array, y1: Array, *rules: int) -> list[tuple[Array, Array]]:
+def _quadratures(problem: System, y0: Array, y1: Array, *rules: int) -> list[tuple[Array, Array]]:
     """The average of ∇H from y0 to y1 by several Gauss rules; `rules` are their numbers of nodes.
 
     For each rule the list has the value (d, ...) and its summands (d, nodes, ...).
@@ -97,7 +98,7 @@ def _size(terms: Array) -> Array:
     return np.asarray(np.max(summed(np.abs(terms)), axis=0))
 
 
-def argument_rounding(problem: Averaged, *states: Array) -> Array:
+def argument_rounding(problem: System, *states: Array) -> Array:
     """The largest change (M,) of ∇H(y) by one rounding of y, about eps |H″(y) y|, at `states` y.
 
     If ∇H varies over lengths far below |y|, as sin q does at q = 10⁸, two quadrature rules differ
@@ -111,7 +112,7 @@ def argument_rounding(problem: Averaged, *states: Array) -> Array:
     return EPS * worst
 
 
-def _adaptive(problem: Averaged, y0: Array, y1: Array) -> Average:
+def _adaptive(problem: System, y0: Array, y1: Array) -> Average:
     """The average of ∇H by Gauss rules of more nodes, until two agree to rounding."""
     shape = y0.shape[1:]
     a, b = y0.reshape(y0.shape[0], -1), y1.reshape(y1.shape[0], -1)

@@ -1,9 +1,8 @@
 """The part of a problem dy = F_0 dt + Σ_j c_j F_j∘dW_j that a step uses.
 
-Each field is F_k = S_k(y)∇H_k(y). In (1.1) there is one structure B and one Hamiltonian H, so that
-each F_k is B∇H. The first axis of every array is that of components: a state is an array (d,), a
-batch of M states (d, M), and B(y) is (d, d) or (d, d, M). `sepv.problem.Problem` derives and checks
-them.
+Each field F_k is a `Channel`. In (1.1) there is one structure B and one Hamiltonian H, so that each
+F_k is B∇H. The first axis of every array is that of components: a state is an array (d,), a batch
+of M states (d, M), and B(y) is (d, d) or (d, d, M). `sepv.problem.Problem` derives and checks them.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,19 +22,21 @@ Function = Callable[[Array], Array]
 OfSegment = Callable[[Array, Array], Array]
 
 
-class Averaged(Protocol):
-    """A function with a gradient that can be averaged along segments, such as H or a Casimir C."""
+class Channel(NamedTuple):
+    """A field F(y) = S(y)∇H(y) + g − Γy of the drift or of a noise; a part left out is absent.
 
-    @property
-    def dimension(self) -> int: ...
-    @property
-    def gradient(self) -> Function: ...
-    @property
-    def hessian(self) -> Function | None: ...
-    @property
-    def mean_gradient(self) -> OfSegment | None: ...
-    @property
-    def degree(self) -> int | None: ...
+    S, ∇H, S′, H″ and H are functions of states. `keeping` is a structure whose product with ∇H_0 of
+    the drift is S∇H, where one is known. g has d numbers, and Γ is a number or has d rows.
+    """
+
+    structure: Any = None
+    gradient: Any = None
+    structure_derivative: Any = None
+    hessian: Any = None
+    hamiltonian: Any = None
+    keeping: Any = None
+    vector: Any = None
+    damping: Any = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +79,6 @@ class System:
     domain: Callable[[Array], Flags] | None = None
     nambu: Any = None
     c: Array = field(init=False, repr=False)
-    # The rate γ of a further term −γy in the drift, or the matrix Γ of −Γy as a tuple of rows.
-    damping = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "c", np.array(self.noise, dtype=np.float64))
@@ -90,24 +89,26 @@ class System:
         return int(self.c.size)
 
     @property
-    def structures(self) -> Sequence[Function]:
-        """The structures S_0, …, S_m of the drift and of each noise, F_k = S_k∇H."""
-        return (self.structure,) * (1 + self.noises)
+    def channels(self) -> tuple[Channel, ...]:
+        """The fields F_0, …, F_m of the drift and of each noise."""
+        B, slope = self.structure, self.structure_derivative
+        return (Channel(B, self.gradient, slope, self.hessian, self.hamiltonian, B),) * (1 + self.noises)
+
+    @property
+    def structures(self) -> Sequence[Any]:
+        """The structures S_0, …, S_m with S_k∇H_k = S_k∇H."""
+        return [F.keeping for F in self.channels]
 
     @property
     def structure_derivatives(self) -> Sequence[Function] | None:
         """The derivatives of the `structures`; None if one is not given."""
-        return None if self.structure_derivative is None else (self.structure_derivative,) * (1 + self.noises)
+        found = [F.structure_derivative for F in self.channels if F.structure is F.keeping]
+        return None if None in found or len(found) <= self.noises else found
 
     @property
-    def gradients(self) -> Sequence[Function]:
-        """The gradients ∇H_0, …, ∇H_m of the drift and of each noise, F_k = B∇H_k."""
-        return (self.gradient,) * (1 + self.noises)
-
-    @property
-    def hessians(self) -> Sequence[Function]:
-        """The second derivatives of H_0, …, H_m, by differences of ∇H_k if not given."""
-        return (partial(hessian, self),) * (1 + self.noises)
+    def gradients(self) -> Sequence[Any]:
+        """The gradients ∇H_0, …, ∇H_m of the channels."""
+        return [F.gradient for F in self.channels]
 
     def derivative_along(self, y: Array, v: Array) -> Array:
         """The derivative f′(y)v of the field f = B∇H, (d, ...), for a system with B′ and H″."""
@@ -125,7 +126,7 @@ class System:
 
 def require_undamped(problem: System) -> None:
     """Raise Skipped for a damped problem: a formula without a term for damping ignores it."""
-    if problem.damping:
+    if problem.channels[0].damping:
         raise Skipped(f"the scheme leaves out the damping of {getattr(problem, 'name', 'the problem')}")
 
 
@@ -154,7 +155,7 @@ def combined_gradient(problem: System, y: Array, parts: Array) -> Array:
 
 def combined_hessian(problem: System, y: Array, parts: Array) -> Array:
     """The Hessian (d, d, M) of hH_0 + Σ_j c_j ΔW_j H_j at y; `parts` (1 + m, M): h, c_j ΔW_j."""
-    return _sum(problem.hessians, y, parts)
+    return _sum([partial(hessian, problem, channel=F) for F in problem.channels], y, parts)
 
 
 def _sum(functions: Sequence[Function], y: Array, parts: Array) -> Array:
@@ -182,11 +183,10 @@ def field_jacobian(problem: System, y: Array) -> Array | None:
     return matvec(problem.structure_derivative(y), g) + matmul(problem.structure(y), problem.hessian(y))
 
 
-def hessian(problem: System, y: Array) -> Array:
-    """The second derivatives H″(y), (d, d, ...): as given, else by forward differences."""
-    if problem.hessian is not None:
-        return problem.hessian(y)
-    return differences(problem, problem.gradient, y)
+def hessian(problem: System, y: Array, channel: Any = None) -> Array:
+    """H″(y) of a channel, by default the drift, (d, d, ...), by differences of ∇H if not given."""
+    own = problem if channel is None else channel
+    return own.hessian(y) if own.hessian is not None else differences(problem, own.gradient, y)
 
 
 def differences(problem: System, function: Function, y: Array) -> Array:

@@ -87,9 +87,6 @@ def solve(
         Recorded code for Newton's corrections. A path that it does not solve in RECORDED_MAXITER
         iterations starts again without it. So if there are several solutions, the one that is found
         does not depend on the code.
-
-    Notes ----- The unknown is z = y1 − y0. The iteration stops if the error after a correction is
-    only rounding, or if corrections no longer shrink (`sepv.core.newton`).
     """
     count = y0.shape[1]
     everything, start = np.arange(count), np.zeros_like(y0) if start is None else start

@@ -19,7 +19,7 @@ from sepv._kept import kept, key_of
 from sepv.errors import UsageError
 from sepv.exact._closed_forms import CLOSED_FORMS
 from sepv.exact._dense_flow import solve_dense
-from sepv.problem import Array, NamedProblem, Problem, damping_of, drift, is_several, vector_field
+from sepv.problem import Array, NamedProblem, Problem, damping_of, drift, one_field, vector_field
 from sepv.record import EPS, PolynomialMap
 from sepv.schemes import load_problem
 from sepv.simulate import initial_state
@@ -81,7 +81,7 @@ def exact_flow(
     [1.0, -1.0]
     """
     problem = load_problem(problem)
-    if is_several(problem) and (problem.noises or not damping_of(problem)):
+    if problem.noises and not one_field(problem):
         raise UsageError(
             expected="a problem of class (1.1): one structure, one random time",
             received=f"{problem.name}, with several structures or Hamiltonians",

@@ -9,7 +9,7 @@ import numpy as np
 from sepv.law.cases.case import Case
 from sepv.law.contraction import has_majorants
 from sepv.law.tolerance import CONTRACTION
-from sepv.problem import HamiltoniansProblem
+from sepv.problem import one_hamiltonian
 from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import step_condition
 from sepv.schemes import Scheme, gauss_amplification
@@ -25,7 +25,7 @@ def amplification(scheme: Scheme, case: Case) -> float:
     # For several Hamiltonians that are functions, R contracts inside a measured radius; no
     # reference has the equation.
     problem = case.build()[0]
-    if has_majorants(case) or isinstance(problem, HamiltoniansProblem):
+    if has_majorants(case) or not one_hamiltonian(problem):
         factor = CONTRACTION * gauss_amplification(scheme.stages)
         return float(1 + np.sqrt(problem.dimension) * factor / (1 - factor))
     method = equation_for(scheme.systems, scheme.stages)

@@ -32,13 +32,10 @@ from sepv.law.units import units_of
 from sepv.problem import (
     Array,
     Problem,
-    StructuresProblem,
     drift,
     ito_drift,
-    matvec,
     mechanics,
     noise_field,
-    noise_structures,
     sample_states,
 )
 from sepv.schemes import Scheme, StatefulStep, ask_next
@@ -99,7 +96,7 @@ def _correction(scheme: Scheme, problem: Problem, h: float) -> float:
     """The share of Itô's correction s in the mean of y1 − y0; NaN if s is unknown,
     small or not measured.
     """
-    if isinstance(problem, StructuresProblem) or not problem.noises:
+    if not problem.noises:
         return np.nan
     found = []
     for y in sample_states(problem, units_of(problem).length):
@@ -172,11 +169,7 @@ def _moved(scheme: Scheme, problem: Problem, y0: Array, j: int, h: float, before
 
 def _field(problem: Problem, y: Array, j: int) -> Array:
     """The drift f_0 at y (j = 0), with damping, or the field c_j f_j of noise j, (d,)."""
-    if j == 0:
-        return drift(problem, y)
-    if isinstance(problem, StructuresProblem):
-        return np.asarray(problem.c[j - 1] * matvec(noise_structures(problem)[j - 1](y), problem.gradient(y)))
-    return np.asarray(problem.c[j - 1] * noise_field(problem, j - 1, y))
+    return np.asarray(problem.c[j - 1] * noise_field(problem, j - 1, y)) if j else drift(problem, y)
 
 
 def _line(problem: Problem, j: int, coarse: Array, fine: Array, h: float) -> str:

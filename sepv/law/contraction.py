@@ -11,7 +11,7 @@ import numpy as np
 from sepv._kept import kept, key_of
 from sepv.law.cases.case import Case
 from sepv.law.tolerance import CONTRACTION, majorants, pushes
-from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, matmul, matvec
+from sepv.problem import Array, PolynomialSystem, Problem, matmul, matvec, one_hamiltonian
 from sepv.problems import build
 from sepv.record import PolynomialMap
 
@@ -26,7 +26,7 @@ def has_majorants(case: Case) -> bool:
     data = case.problem
     if not isinstance(data, PolynomialSystem):
         return False
-    return not data.noise_hamiltonians or isinstance(build(data), HamiltoniansProblem)
+    return not data.noise_hamiltonians or not one_hamiltonian(build(data))
 
 
 def shortened(case: Case) -> Case:

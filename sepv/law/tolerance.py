@@ -59,13 +59,14 @@ import numpy as np
 from sepv.problem import (
     Array,
     Function,
-    HamiltoniansProblem,
     Problem,
-    StructuresProblem,
+    hamiltonians_of,
     matmul,
     matvec,
     noise_vectors,
     over_box,
+    structures_of,
+    structures_with_derivatives,
 )
 from sepv.record import EPS, TINY, PolynomialMap
 from sepv.schemes import Scheme, as_path, exact_nodes
@@ -137,8 +138,8 @@ def operations(problem: Problem, stages: int = 1) -> float:
     terms, degree, nodes = 6, 2, 2 * (stages + 4)  # nodes of a quadrature that is refined until it is exact
     if isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap):
         rows = [*problem.gradient.rows, *problem.structure.rows]
-        if isinstance(problem, HamiltoniansProblem):
-            rows += [p for g in problem.noise_gradients if isinstance(g, PolynomialMap) for p in g.rows]
+        others = (F.gradient for F in hamiltonians_of(problem)[1:])
+        rows += [p for g in others if isinstance(g, PolynomialMap) for p in g.rows]
         terms, degree = max(len(p.terms) for p in rows), max(p.degree for p in rows) + 1
         nodes = exact_nodes(stages, degree)
     single = 4.0 * (2 * degree + terms + problem.dimension + 8)
@@ -164,8 +165,7 @@ def step_residual(
     # module).
     beyond = 0.0 if stages == 1 else CONTRACTION * np.abs(y1 - y0).max(axis=0)
     B = structure_majorant(problem, y0, y1, beyond=beyond)
-    if isinstance(problem, StructuresProblem):
-        B = np.max([B, *(_of_noise(G, (y0, y1), beyond) for G in problem.noise_structures)], axis=0)
+    B = np.max([B, *(_of_noise(G, (y0, y1), beyond) for G in structures_of(problem)[1:])], axis=0)
     flow = matvec(B, _any_gradient(problem, y0, y1, beyond))
     flow = np.maximum(flow.T, pushes(problem)).T
     count, least = operations(problem, stages), TINY
@@ -216,16 +216,12 @@ def majorants(problem: Problem, reach: Array) -> tuple[Array, Array, Array, Arra
 
     If there are several structures or several Hamiltonians, each majorant is the largest over them.
     """
-    B, g, dB, H = (
-        _of_polynomials(f, reach)
-        for f in (problem.structure, problem.gradient, problem.structure_derivative, problem.hessian)
-    )
-    if isinstance(problem, StructuresProblem) and problem.noise_structure_derivatives:
-        B = np.max([B, *(_of_polynomials(G, reach) for G in problem.noise_structures)], axis=0)
-        dB = np.max([dB, *(_of_polynomials(D, reach) for D in problem.noise_structure_derivatives)], axis=0)
-    if isinstance(problem, HamiltoniansProblem):
-        g = np.max([g, *(_of_polynomials(f, reach) for f in problem.noise_gradients)], axis=0)
-        H = np.max([H, *(_of_polynomials(f, reach) for f in problem.noise_hessians)], axis=0)
+    structures, gradients = structures_with_derivatives(problem), hamiltonians_of(problem)
+    found = (
+        [F.structure for F in structures], [F.gradient for F in gradients],
+        [F.structure_derivative for F in structures], [F.hessian for F in gradients],
+    )  # fmt: skip
+    B, g, dB, H = (np.max([_of_polynomials(f, reach) for f in of], axis=0) for of in found)
     return B, g, dB, H
 
 
@@ -265,15 +261,12 @@ def _any_gradient(problem: Problem, y0: Array, y1: Array, beyond: Any) -> Array:
     |∇H_j|.
     """
     stated = gradient_majorant(problem, y0, y1, beyond=beyond)
-    if not isinstance(problem, HamiltoniansProblem) or not problem.noise_gradients:
-        return stated
-    none = (None,) * problem.noises
-    hessians, potentials = problem.noise_hessians or none, problem.noise_hamiltonians or none
-    alike = zip(problem.noise_gradients, hessians, potentials, strict=True)
-    largest: Array = np.max(
-        [stated, *(majorant_over(g, H, (y0, y1), beyond, V) for g, H, V in alike)], axis=0
+    others = (
+        majorant_over(F.gradient, F.hessian, (y0, y1), beyond, F.hamiltonian)
+        for F in hamiltonians_of(problem)[1:]
+        if F.gradient
     )
-    return largest
+    return np.asarray(np.max([stated, *others], axis=0))
 
 
 def energy_bound(problem: Problem, y0: Array, y1: Array, residual: Array) -> Any:

@@ -28,24 +28,25 @@ from sepv.errors import UsageError
 from sepv.problem import (
     Array,
     Problem,
-    StructuresProblem,
     average_gradient,
     combined,
     hessian,
     matmul,
     matvec,
+    one_field,
+    one_hamiltonian,
     turned_along,
 )
 from sepv.schemes import Implicit, noise_and_areas
 
 
-def commutator(problem: StructuresProblem, i: int, j: int, y: Array, mean: Array) -> Array:
+def commutator(problem: Problem, i: int, j: int, y: Array, mean: Array) -> Array:
     """The skew matrix K_ij, (d, d, M), by the formula of the module's docstring with ∇H = `mean` at
     states y.
     """
-    Gi, Gj = (problem.noise_structures[n](y) for n in (i, j))
-    assert problem.noise_structure_derivatives is not None
-    Di, Dj = (problem.noise_structure_derivatives[n](y) for n in (i, j))
+    (Gi, Di), (Gj, Dj) = (
+        (F.structure(y), F.structure_derivative(y)) for F in (problem.channels[1 + n] for n in (i, j))
+    )
     curved = hessian(problem, y)
     curved = 0.5 * (curved + np.swapaxes(curved, 0, 1))  # differences are not symmetric
     crossed = matmul(matmul(Gj, curved), Gi)
@@ -57,7 +58,7 @@ def require_derivatives(problem: Problem) -> None:
     """Raise a UsageError unless the problem has structures G_j for the noises,
     with their derivatives.
     """
-    if not isinstance(problem, StructuresProblem) or not problem.noise_structure_derivatives:
+    if one_field(problem) or not one_hamiltonian(problem) or problem.structure_derivatives is None:
         raise UsageError(
             expected="a problem with several structures that gives their derivatives",
             received=problem.name,
@@ -71,7 +72,6 @@ def increment(problem: Problem, y0: Array, y1: Array, known: Array) -> Increment
 
     An evaluation of B with all G_j is counted as one.
     """
-    assert isinstance(problem, StructuresProblem)
     mean, middle, first = average_gradient(problem, y0, y1), y0 + 0.5 * (y1 - y0), 1 + problem.noises
     structure = combined(problem, middle, known[:first])
     for area, (i, j) in zip(known[first:], combinations(range(problem.noises), 2), strict=True):

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, is_several
+from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, one_field
 from sepv.problems import EXTENSIONS, PAPER, build, structure_entries
 from sepv.record import FUNCTIONS, Polynomial, Tape, gradient, poly, source
 from sepv.schemes import load_problem
@@ -154,7 +154,7 @@ def pose(
     known = (
         isinstance(system.data, PolynomialSystem) or getattr(system.data, "name", "") in PAPER | EXTENSIONS
     )
-    if system.data is None or not known or is_several(system):
+    if system.data is None or not known or not one_field(system):
         raise Skipped(
             f"{system.name} is not (1.1) given as data, and no other library can run NumPy functions: write it with "
             "sepv.problems.polynomial_problem, or its functions in your library (docs/extending.md)"

@@ -3,10 +3,11 @@ and everything derived from them.
 
 Read `_problem` first (a problem as data, and the classes of systems). `_derived` derives gradient,
 Hessian, B′ and averages from recorded operations of B and H, and `_checks` compares the parts. What
-a step uses of a problem stands in `sepv.core`. Equation (1.1) is dy = B∇H(dt + Σ c_j∘dW_j). Wider
-classes are in `_structures` (a structure for each noise) and `_hamiltonians` (a Hamiltonian for
-each noise), narrower ones in `_nambu` and `_mechanics`. `_poisson` computes the defect of Jacobi's
-identity. `_json` reads and writes problems as JSON.
+a step uses of a problem stands in `sepv.core`, also the record of its fields, `Channel`. `_facts`
+and `_channels` compute all that is asked of a system from these. Equation (1.1) is dy = B∇H(dt + Σ
+c_j∘dW_j). `_structures` (a structure for each noise), `_hamiltonians` (a Hamiltonian or a vector
+for each noise) and `_damped` make wider systems, `_nambu` and `_mechanics` narrower ones.
+`_poisson` computes the defect of Jacobi's identity. `_json` reads and writes problems as JSON.
 """
 
 from __future__ import annotations
@@ -28,17 +29,33 @@ from sepv.core.problem import (
 from sepv.core.problem import field_jacobian as field_jacobian
 from sepv.core.problem import vector_field as vector_field
 from sepv.problem import _poisson as poisson
+from sepv.problem._channels import bracket, combined_field, noise_field
+from sepv.problem._channels import column as column
+from sepv.problem._channels import commutes as commutes
+from sepv.problem._channels import drift as drift
+from sepv.problem._channels import hamiltonian_field as hamiltonian_field
+from sepv.problem._channels import ito_drift as ito_drift
 from sepv.problem._checks import check_problem as check_problem
 from sepv.problem._checks import sample_states
 from sepv.problem._damped import DampedProblem as DampedProblem
-from sepv.problem._damped import conformal_rate, damping_of, scaled_damping
+from sepv.problem._damped import conformal_rate, scaled_damping
 from sepv.problem._derived import PartFlow, derivatives
 from sepv.problem._directional import derivative_along, structure_slope
 from sepv.problem._directions import Directions, directions, projections
-from sepv.problem._drift import damping_matrix
-from sepv.problem._drift import drift as drift
 from sepv.problem._enclosures import over_box as over_box
 from sepv.problem._enclosures import recorded as recorded
+from sepv.problem._facts import (
+    damping_matrix,
+    damping_of,
+    hamiltonians_of,
+    noise_vectors,
+    one_field,
+    one_hamiltonian,
+    one_structure,
+    structures_of,
+    structures_with_derivatives,
+    uniform_damping,
+)
 from sepv.problem._fields import casimir_gradients as casimir_gradients
 from sepv.problem._fields import changes_of_invariants, invariants, known_invariants, slope_along
 from sepv.problem._fields import energy_change as energy_change
@@ -47,18 +64,6 @@ from sepv.problem._friction import friction as friction
 from sepv.problem._friction import langevin as langevin
 from sepv.problem._friction import temperature as temperature
 from sepv.problem._hamiltonians import HamiltoniansProblem as HamiltoniansProblem
-from sepv.problem._hamiltonians import (
-    bracket,
-    drift_bracket,
-    is_several,
-    noise_field,
-    noise_hessian,
-    noise_vectors,
-)
-from sepv.problem._hamiltonians import column as column
-from sepv.problem._hamiltonians import commutes as commutes
-from sepv.problem._hamiltonians import hamiltonian_field as hamiltonian_field
-from sepv.problem._hamiltonians import ito_drift as ito_drift
 from sepv.problem._invariants import Relation, relation, require_invariants
 from sepv.problem._json import from_json as from_json
 from sepv.problem._json import problem_from_json, problem_to_json
@@ -77,7 +82,7 @@ from sepv.problem._problem import PolynomialSystem as PolynomialSystem
 from sepv.problem._problem import Problem as Problem
 from sepv.problem._problem import Systems as Systems
 from sepv.problem._products import dot, turned_along
-from sepv.problem._structures import ClosedForm, noise_structures, undefined
+from sepv.problem._structures import ClosedForm, undefined
 from sepv.problem._structures import CommutingStructure as CommutingStructure
 from sepv.problem._structures import StructuresProblem as StructuresProblem
 from sepv.problem._structures import commuting_hamiltonians as commuting_hamiltonians

@@ -24,8 +24,9 @@ import numpy as np
 
 from sepv._arguments import is_number
 from sepv.core.arrays import EPS, Array
-from sepv.errors import ProblemError, SystemsError
-from sepv.problem._drift import damping_matrix
+from sepv.core.problem import Channel
+from sepv.errors import ProblemError
+from sepv.problem._facts import damping_matrix
 from sepv.problem._problem import Matrix, Problem
 
 
@@ -57,21 +58,10 @@ class DampedProblem(Problem):
             )
         self._checked_invariants(check)
 
-    def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
-        """Raise SystemsError: a damped step depends on h, and not on Δ = h + Σ c_jΔW_j alone."""
-        raise SystemsError(
-            expected="a scheme for damped systems, such as conformal",
-            received=f"a scheme for (1.1), which would leave out the damping of {self.name}",
-            remedy="use a scheme with systems='damped'",
-        )
-
-
-def damping_of(problem: Problem) -> float:
-    """The rate of a problem's damping: γ for −γy, the largest row sum of |Γ| for −Γy,
-    zero without damping.
-    """
-    damping = np.asarray(problem.damping, dtype=np.float64)
-    return float(np.max(np.sum(np.abs(damping), axis=1)) if damping.ndim else damping)
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        own, *noises = super().channels
+        return (own._replace(damping=self.damping), *noises)
 
 
 def conformal_rate(problem: Problem, y: Array) -> float | None:

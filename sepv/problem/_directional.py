@@ -58,17 +58,14 @@ def derivative_along(problem: System, y: Array, v: Array) -> Array:
     return np.asarray(best * size, dtype=np.float64)
 
 
-def structure_slope(problem: System, y: Array, v: Array, k: int = 0) -> Array:
-    """The derivative of S_k(y)v by y for fixed v, (d, d, ...): from S_k′ if it is given,
+def structure_slope(problem: System, y: Array, v: Array, channel: Any = None) -> Array:
+    """The derivative of S(y)v by y for fixed v, (d, d, ...): from S′ if it is given,
     else by differences.
 
-    S_0 is the structure B of the drift, S_k that of noise number k − 1.
+    S is the structure of a channel, by default of the drift.
     """
-    structure, slope = problem.structure, problem.structure_derivative
-    if k:
-        derivatives = problem.structure_derivatives
-        structure, slope = problem.structures[k], derivatives[k] if derivatives else None
-    if slope is not None:
-        return matvec(slope(y), v)
+    own: Any = problem if channel is None else channel
+    if own.structure_derivative is not None:
+        return matvec(own.structure_derivative(y), v)
     flat = v.reshape(len(v), -1)
-    return differences_of_lanes(problem, lambda at, lanes: matvec(structure(at), flat[:, lanes]), y)
+    return differences_of_lanes(problem, lambda at, lanes: matvec(own.structure(at), flat[:, lanes]), y)

@@ -24,8 +24,8 @@ from numpy.typing import ArrayLike
 from sepv._arguments import is_number
 from sepv.core.arrays import EPS, Array, matvec
 from sepv.errors import ProblemError, UsageError
-from sepv.problem._drift import damping_matrix
-from sepv.problem._hamiltonians import HamiltoniansProblem, noise_vectors
+from sepv.problem._facts import damping_matrix, noise_vectors
+from sepv.problem._hamiltonians import HamiltoniansProblem
 from sepv.problem._mechanics import Mechanics, mechanics
 from sepv.problem._problem import Matrix, PolynomialSystem, Problem, constant
 

@@ -20,36 +20,20 @@ Poisson systems, arXiv 2005.13991). Then no Casimir is kept. Let F be H_0 or a C
     LF = ½ Σ_j c_j² g_jᵀF″g_j.
 
 If F is quadratic along the g_j, LF is a constant, and E[F] grows linearly in time (trace formula).
-
-The order of a scheme that uses no random numbers but the increments ΔW_j depends on the brackets of
-the noises, [f_i, f_j] = f_j′f_i − f_i′f_j (`column`). It is 1 if all brackets vanish, as for one
-noise, and ½ in general.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from sepv.core.arrays import Array, matmul, matvec
-from sepv.core.problem import Function, combined_gradient, differences, hessian
-from sepv.errors import ProblemError, Skipped, SystemsError, UsageError
-from sepv.problem._checks import sample_states
-from sepv.problem._damped import DampedProblem
+from sepv.core.problem import Channel, Function
+from sepv.errors import ProblemError
 from sepv.problem._derived import derive
-from sepv.problem._directional import structure_slope
-from sepv.problem._drift import damping_matrix, drift
 from sepv.problem._problem import Flow, Problem, constant, require_one_for_each_noise
-from sepv.problem._structures import ClosedForm, CommutingStructure, StructuresProblem
-
-# The largest bracket that counts as zero, relative to its factors. Slopes by differences may have a
-# relative error of 1e-8, and a bracket that does not vanish is far larger at some sample state.
-VANISHES = 1e-6
+from sepv.problem._structures import ClosedForm
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -154,199 +138,12 @@ class HamiltoniansProblem(Problem):
         self._checked_invariants(check)
 
     @property
-    def structures(self) -> Sequence[Function]:
-        raise UsageError(
-            expected="a scheme for several Hamiltonians, such as stochastic-midpoint",
-            received=f"a scheme that takes the structures of noises, which {self.name} does not have",
-            remedy="use a scheme with systems='hamiltonians': with {H_0, H_j} ≠ 0 no scheme keeps H_0",
-        )
-
-    @property
-    def gradients(self) -> Sequence[Function]:
+    def channels(self) -> tuple[Channel, ...]:
+        own, *_ = super().channels
+        first = own._replace(damping=self.damping)
         if self.noise_vectors:
-            raise Skipped(f"the noise of {self.name} has vectors, and no Hamiltonians")
-        return (self.gradient, *self.noise_gradients)
-
-    @property
-    def hessians(self) -> Sequence[Function]:
-        drift, *_ = super().hessians
-        if self.noise_vectors:
-            return (drift, *[self._no_curvature] * self.noises)
-        return (
-            drift,
-            *(self.noise_hessians or (partial(differences, self, G) for G in self.noise_gradients)),
-        )
-
-    def _no_curvature(self, y: Array) -> Array:
-        return np.zeros((self.dimension, *y.shape))
-
-    def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
-        """Raise SystemsError: a step has the random length Δ = h + Σ c_j ΔW_j for a single
-        Hamiltonian only.
-        """
-        if self.damping:
-            raise SystemsError(
-                expected="a scheme for friction, such as baoab",
-                received=f"a scheme for (1.1), which would leave out the friction of {self.name}",
-                remedy="use a scheme with systems='friction'",
-            )
-        raise SystemsError(
-            expected="a scheme for several Hamiltonians, such as stochastic-midpoint",
-            received=f"a scheme that reduces the noise of {self.name} to one random step",
-            remedy="use a scheme with systems='hamiltonians': with several Hamiltonians there is no such step",
-        )
-
-
-def is_several(problem: Problem) -> bool:
-    """True if the system is not dy = B∇H(dt + Σ c_j∘dW_j),
-    so that a step has no random length Δ = h + Σ c_jΔW_j.
-    """
-    return isinstance(problem, (StructuresProblem, HamiltoniansProblem, DampedProblem))
-
-
-def has_structures(problem: Problem) -> bool:
-    """True if the fields of the noises are G_j∇H, where not every G_j comes from a Hamiltonian
-    H_j.
-    """
-    return not all(isinstance(G, CommutingStructure) for G in getattr(problem, "noise_structures", ()))
-
-
-def noise_vectors(problem: Problem) -> Array:
-    """The constant vectors g_j of additive noise, as rows (m, d); shape (0, d)
-    if the noise is not given by vectors.
-    """
-    return np.reshape(getattr(problem, "noise_vectors", ()), (-1, problem.dimension))
-
-
-def noise_gradients(problem: Problem) -> Sequence[Function]:
-    """The gradients ∇H_1, …, ∇H_m of the noise Hamiltonians; for dy = B∇H(dt + Σ c_j∘dW_j)
-    each of them is ∇H.
-
-    Raises Skipped if the noises are given by vectors, or by structures that do not come from
-    Hamiltonians.
-    """
-    return problem.gradients[1:]
-
-
-def hamiltonian_field(problem: Problem, y: Array, parts: Array) -> Array:
-    """The field B(y)(h∇H_0 + Σ c_j ΔW_j ∇H_j) of a step, (d, M),
-    for problems that have `noise_gradients`.
-
-    `parts` (1 + m, M) holds h and the c_j ΔW_j.
-    """
-    return matvec(problem.structure(y), combined_gradient(problem, y, parts))
-
-
-def noise_hessian(problem: Problem, j: int, y: Array) -> Array:
-    """The second derivatives of the Hamiltonian of noise number j = 0, …, m − 1 at y, (d, d, ...).
-
-    If the problem does not give them, they are differences of the gradient. For noise vectors they
-    are 0.
-    """
-    return problem.hessians[1 + j](y)
-
-
-def noise_field(problem: Problem, j: int, y: Array) -> Array:
-    """The field of noise number j = 0, …, m − 1 without its c_j, (d, ...): B∇H_j, G_j∇H,
-    or the vector g_j.
-    """
-    if has_structures(problem):
-        return matvec(problem.structures[1 + j](y), problem.gradient(y))
-    if len(vectors := noise_vectors(problem)):
-        return np.broadcast_to(vectors[j].reshape(-1, *(1,) * (y.ndim - 1)), y.shape)
-    return matvec(problem.structure(y), noise_gradients(problem)[j](y))
-
-
-def noise_slope(problem: Problem, j: int, y: Array) -> Array:
-    """The derivative f_j′(y), (d, d, ...), of the field f_j of noise number j (`noise_field`)."""
-    if has_structures(problem):
-        turned = structure_slope(problem, y, problem.gradient(y), 1 + j)
-        return turned + matmul(problem.structures[1 + j](y), hessian(problem, y))
-    if len(noise_vectors(problem)):
-        return np.zeros((problem.dimension, *y.shape))
-    turned = structure_slope(problem, y, noise_gradients(problem)[j](y))
-    return turned + matmul(problem.structure(y), noise_hessian(problem, j, y))
-
-
-def bracket(problem: Problem, i: int, j: int, y: Array) -> Array:
-    """The Lie bracket [f_i, f_j] = f_j′f_i − f_i′f_j of two noise fields without their factors c,
-    (d, ...).
-
-    The bracket multiplies the Lévy area A_ij in the expansion of the solution.
-    """
-    first = matvec(noise_slope(problem, j, y), noise_field(problem, i, y))
-    return first - matvec(noise_slope(problem, i, y), noise_field(problem, j, y))
-
-
-def drift_bracket(problem: Problem, j: int, y: Array) -> Array:
-    """The Lie bracket [f_0, f_j] of the drift and the field of noise number j without its factor
-    c_j, (d, ...).
-
-    The bracket multiplies A_0j = ½∫(s dW_j − W_j ds) in the expansion of the solution.
-    """
-    turned = structure_slope(problem, y, problem.gradient(y))
-    drift_slope = turned + matmul(problem.structure(y), hessian(problem, y))
-    drift_slope = drift_slope - damping_matrix(problem).reshape(*turned.shape[:2], *(1,) * (y.ndim - 1))
-    pushed = matvec(noise_slope(problem, j, y), drift(problem, y))
-    return pushed - matvec(drift_slope, noise_field(problem, j, y))
-
-
-def ito_drift(problem: Problem, y: Array) -> Array:
-    """The drift of the Itô form of a problem, f_0 + ½ Σ_j c_j² f_j′f_j, (d, ...),
-    with f_0 = B∇H_0 − Γy.
-    """
-    total = drift(problem, y)
-    for j, c in enumerate(problem.c):
-        total = total + 0.5 * c * c * matvec(noise_slope(problem, j, y), noise_field(problem, j, y))
-    return total
-
-
-def column(problem: Problem) -> str:
-    """The kind of a problem's noise, on which claims of order depend: "additive", "one",
-    "commutative" or "general".
-
-    In "additive" noise all fields are constant. "one" is one noise, or several noises of one H, as
-    in (1.1). For "commutative" noise all brackets of fields are 0. Fields are tested at sample
-    states only, and may differ elsewhere.
-    """
-    if not is_several(problem):
-        return "one"
-    acting = [int(j) for j in np.flatnonzero(problem.c)]
-    if acting and _vanish(problem, lambda y: [noise_slope(problem, j, y) for j in acting], per_field=True):
-        return "additive"
-    if len(acting) < 2:
-        return "one"
-    pairs = list(combinations(acting, 2))
-    if _vanish(problem, lambda y: [bracket(problem, i, j, y) for i, j in pairs]):
-        return "commutative"
-    return "general"
-
-
-def commutes(problem: Problem) -> bool:
-    """True if the drift and all noise fields commute: y(T) is then the flow of T f_0 + Σ c_j W_j(T)
-    f_j at time 1.
-    """
-
-    def brackets(y: Array) -> list[Array]:
-        return [drift_bracket(problem, int(j), y) for j in np.flatnonzero(problem.c)]
-
-    return column(problem) != "general" and _vanish(problem, brackets)
-
-
-def _vanish(problem: Problem, values: Callable[[Array], list[Any]], *, per_field: bool = False) -> bool:
-    """True if all vectors or matrices `values(y)` are at most VANISHES times a scale,
-    at every sample state y.
-
-    The scale is about max|f_j| · max|f_j′| for the noise fields f_j at y. With `per_field` it is
-    max|f_j|/max(1, |y|).
-    """
-    acting = [int(j) for j in np.flatnonzero(problem.c)]
-    for y in sample_states(problem):
-        lanes = y[:, None]
-        field = max((float(np.max(np.abs(noise_field(problem, j, lanes)))) for j in acting), default=0.0)
-        slope = max((float(np.max(np.abs(noise_slope(problem, j, lanes)))) for j in acting), default=0.0)
-        unit = field / max(1.0, float(np.max(np.abs(y))))
-        size = unit if per_field else max(field, unit) * max(slope, unit)
-        if max((float(np.max(np.abs(v))) for v in values(lanes)), default=0.0) > VANISHES * size:
-            return False
-    return True
+            return (first, *(Channel(vector=g) for g in self.noise_vectors))
+        second = self.noise_hessians or (None,) * self.noises
+        parts = zip(self.noise_hamiltonians, self.noise_gradients, second, strict=True)
+        noises = (own._replace(hamiltonian=H, gradient=g, hessian=K, keeping=None) for H, g, K in parts)
+        return (first, *noises)

@@ -23,10 +23,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+from sepv.core.problem import Channel
 from sepv.errors import ProblemError
 from sepv.problem._checks import sample_states
 from sepv.problem._derived import Array, Function, recorded_as
-from sepv.problem._drift import damping_matrix
+from sepv.problem._facts import damping_matrix
 from sepv.problem._stated import Stated
 from sepv.record import EPS, CannotRecord, Tape, gradient, replay
 
@@ -168,20 +169,23 @@ def _fields(problem: Stated, tape: Any, y: Any) -> tuple[Any, list[Any]]:
     """Symbols of the drift F_0 (d,) and of the fields F_1, …, F_m of the noises, without their
     c_j.
     """
+    drift, *noises = problem.channels
+    flow = _field(problem, tape, y, drift, "", "hamiltonian")
+    fields = [
+        flow if F is drift else _field(problem, tape, y, F, "a noise ", "a noise Hamiltonian") for F in noises
+    ]
+    return flow - damping_matrix(problem) @ y if drift.damping else flow, fields
+
+
+def _field(problem: Stated, tape: Any, y: Any, F: Channel, of: str, potential: str) -> Any:
+    """Symbols of S∇H or of the constant vector of a channel; messages have the other two texts."""
     d = problem.dimension
-    B = recorded_as(tape, "structure", problem.structure, y, (d, d))
-    slope = _gradient(tape, "hamiltonian", problem.gradient, problem.hamiltonian, y)
-    flow = B @ slope
-    drift = flow - damping_matrix(problem) @ y if problem.damping else flow
-    if vectors := getattr(problem, "noise_vectors", ()):
-        return drift, list(vectors)
-    if Hamiltonians := getattr(problem, "noise_hamiltonians", ()):
-        return drift, [B @ _gradient(tape, "a noise Hamiltonian", None, H, y) for H in Hamiltonians]
-    if gradients := getattr(problem, "noise_gradients", ()):
-        return drift, [B @ recorded_as(tape, "a noise gradient", g, y, (d,)) for g in gradients]
-    if structures := getattr(problem, "noise_structures", ()):
-        return drift, [recorded_as(tape, "a noise structure", G, y, (d, d)) @ slope for G in structures]
-    return drift, [flow] * problem.noises
+    if F.structure is None or F.gradient is None:
+        return list(F.vector)
+    S = recorded_as(tape, f"{of}structure", F.structure, y, (d, d))
+    if F.hamiltonian is None:
+        return S @ recorded_as(tape, f"{of}gradient", F.gradient, y, (d,))
+    return S @ _gradient(tape, potential, F.gradient, F.hamiltonian, y)
 
 
 def _gradient(tape: Any, key: str, given: Function | None, potential: Function, y: Any) -> Any:

@@ -7,7 +7,7 @@ functions accepts a state and a batch alike.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import InitVar, dataclass, field
 from enum import StrEnum
 from inspect import signature
@@ -24,6 +24,7 @@ from sepv.errors import ProblemError, UsageError
 from sepv.problem._batches import ConstantStructure, taking_batches
 from sepv.problem._derived import derive, to_be_derived
 from sepv.problem._directional import derivative_along
+from sepv.problem._facts import require_one_field, require_one_hamiltonian, require_one_structure
 from sepv.problem._nambu import Nambu
 from sepv.problem._stated import Stated
 from sepv.record import Polynomial
@@ -259,6 +260,8 @@ class Problem(Stated):
     data: PolynomialSystem | NamedProblem | None = None
     invariants: Mapping[str, Function] = field(default_factory=dict)
     check: InitVar[bool] = True
+    # The rate γ of a further term −γy in the drift, or the matrix Γ of −Γy as a tuple of rows.
+    damping = 0.0
 
     def __post_init__(self, check: bool) -> None:
         d = self.dimension
@@ -313,6 +316,24 @@ class Problem(Stated):
 
         if check:
             require_invariants(self)
+
+    @property
+    def structures(self) -> Sequence[Any]:
+        require_one_hamiltonian(self)
+        return super().structures
+
+    @property
+    def gradients(self) -> Sequence[Any]:
+        require_one_structure(self)
+        return super().gradients
+
+    def random_step(self, h: float, dW: Array) -> Array:
+        """The random step Δ = h + Σ_j c_j ΔW_j, of shape () or (M,), summed in the order of j.
+
+        Raises UsageError for a system with damping or with other fields than B∇H, which has none.
+        """
+        require_one_field(self)
+        return super().random_step(h, dW)
 
     def derivative_along(self, y: Array, v: Array) -> Array:
         """The derivative f′(y)v of the field f = B∇H, (d, ...): analytic,

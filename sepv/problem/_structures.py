@@ -29,14 +29,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from sepv.core.arrays import EPS, TINY, Array, majorant, matvec
-from sepv.core.problem import Function, differences
-from sepv.errors import ProblemError, Skipped, UsageError
+from sepv.core.problem import Channel, Function
+from sepv.errors import ProblemError
 from sepv.problem._checks import sample_states
 from sepv.problem._directions import directions
 from sepv.problem._fields import casimir_gradients
@@ -101,47 +100,19 @@ class StructuresProblem(Problem):
         self._checked_invariants(check)
 
     @property
-    def structures(self) -> Sequence[Function]:
-        return (self.structure, *self.noise_structures)
+    def channels(self) -> tuple[Channel, ...]:
+        own, *_ = super().channels
+        slopes = self.noise_structure_derivatives or (None,) * self.noises
+        return (own, *(_channel(own, G, D) for G, D in zip(self.noise_structures, slopes, strict=True)))
 
-    @property
-    def structure_derivatives(self) -> Sequence[Function] | None:
-        if self.structure_derivative is None or self.noise_structure_derivatives is None:
-            return None
-        return (self.structure_derivative, *self.noise_structure_derivatives)
 
-    @property
-    def gradients(self) -> Sequence[Function]:
-        try:
-            return (self.gradient, *self.noise_gradients)
-        except AttributeError as error:
-            raise Skipped(str(error)) from error
-
-    @property
-    def hessians(self) -> Sequence[Function]:
-        drift, *_ = super().hessians
-        return (drift, *(partial(differences, self, G) for G in self.gradients[1:]))
-
-    @property
-    def noise_gradients(self) -> tuple[Function, ...]:
-        """The gradients ∇H_1, …, ∇H_m.
-
-        AttributeError unless each G_j comes from an H_j (`commuting_hamiltonians`).
-        """
-        gradients = [G.noise_gradient for G in self.noise_structures if isinstance(G, CommutingStructure)]
-        if len(gradients) < self.noises:
-            raise AttributeError(f"{self.name} has several structures, and not several Hamiltonians")
-        return tuple(gradients)
-
-    def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
-        """Raise UsageError: a step has the random length Δ = h + Σ c_j ΔW_j for a single structure
-        only.
-        """
-        raise UsageError(
-            expected="a scheme for several structures, such as several-structures",
-            received=f"a scheme that reduces the noise of {self.name} to one random step",
-            remedy="use sepv.schemes.several_structures: with several structures there is no such step",
-        )
+def _channel(own: Channel, G: Any, derivative: Function | None) -> Channel:
+    """The channel G∇H of a noise beside the drift `own`; B∇H_j if G is made from an H_j with {H,
+    H_j} = 0.
+    """
+    if isinstance(G, CommutingStructure):
+        return own._replace(gradient=G.noise_gradient, hessian=G.noise_hessian, hamiltonian=None, keeping=G)
+    return own._replace(structure=G, structure_derivative=derivative, keeping=G)
 
 
 def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array) -> np.ndarray:
@@ -152,22 +123,13 @@ def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array)
     """
     outside = np.zeros(y0.shape[1], dtype=bool)
     size = np.maximum(np.abs(y0), np.abs(y1)).max(axis=0)
-    for part, G in zip(parts[1:], noise_structures(problem), strict=True):
+    for part, G in zip(parts[1:], problem.structures[1:], strict=True):
         if isinstance(G, CommutingStructure):
             missed, field, rounding = G.missed(y0 + 0.5 * (y1 - y0), mean)
             # A noise term below a rounding of y does not move y.
             allowed = np.abs(part) * (MISSED_MAX_SHARE * field + rounding) + EPS * size
             outside |= (part != 0) & ~(np.abs(part) * missed <= allowed)
     return outside
-
-
-def noise_structures(problem: Problem) -> Sequence[Function]:
-    """The structures G_1, …, G_m of the m noises; for a problem with a single structure, each is B.
-
-    Raises UsageError for several Hamiltonians that do not commute with H_0, because they have no
-    such structures.
-    """
-    return problem.structures[1:]
 
 
 @dataclass(frozen=True)
@@ -185,6 +147,7 @@ class CommutingStructure:
     noise_gradient: Function
     casimirs: tuple[Any, ...] = ()
     linear_casimirs: tuple[Any, ...] = ()
+    noise_hessian: Function | None = None
 
     def __call__(self, y: Array) -> Array:
         v, slope = self.field(y), self.gradient(y)
@@ -237,6 +200,7 @@ def commuting_hamiltonians(
     drift: Problem,
     gradients: Sequence[Function],
     *,
+    hessians: Sequence[Function | None] = (),
     noise: Sequence[float] | None = None,
     closed_form: ClosedForm | None = None,
     name: str = "",
@@ -250,6 +214,8 @@ def commuting_hamiltonians(
     ----------
     gradients : callables, (d, ...) -> (d, ...)
         ∇H_1, …, ∇H_m with {H_0, H_j} = 0.
+    hessians : callables, (d, ...) -> (d, d, ...), optional
+        The second derivatives of the H_j.
     closed_form : callable (y0, T, W), optional
         The exact solution, as for `StructuresProblem`.
     check : bool
@@ -265,8 +231,8 @@ def commuting_hamiltonians(
     for j, gradient in enumerate(gradients if check else (), 1):
         _check_bracket(drift, gradient, j)
     structures = tuple(
-        CommutingStructure(drift.structure, drift.gradient, g, drift.casimirs, drift.linear_casimirs)
-        for g in gradients
+        CommutingStructure(drift.structure, drift.gradient, g, drift.casimirs, drift.linear_casimirs, K)
+        for g, K in zip(gradients, hessians or (None,) * len(gradients), strict=True)
     )
     keys = (
         "dimension", "structure", "hamiltonian", "gradient", "casimirs", "linear_casimirs", "hessian",

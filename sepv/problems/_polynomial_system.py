@@ -140,16 +140,17 @@ def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
     if data.noise_hamiltonians:
         slopes = [poly.gradient(p) for p in data.noise_hamiltonians]
         gradients = [PolynomialMap((d,), slope) for slope in slopes]
+        hessians = [PolynomialMap((d, d), _hessian(slope)) for slope in slopes]
         if not all(vanishes(bracket(data, data.hamiltonian, p)) for p in data.noise_hamiltonians):
             return HamiltoniansProblem(
                 **_shared(drift),
                 noise_hamiltonians=tuple(PolynomialMap((), (p,)) for p in data.noise_hamiltonians),
                 noise_gradients=tuple(gradients),
-                noise_hessians=tuple(PolynomialMap((d, d), _hessian(slope)) for slope in slopes),
+                noise_hessians=tuple(hessians),
                 check=False,
             )
         return commuting_hamiltonians(
-            drift, gradients, noise=data.noise, name=drift.name, data=data, check=False
+            drift, gradients, hessians=hessians, noise=data.noise, name=drift.name, data=data, check=False
         )
     for G in data.noise_structures:
         _check_indices(replace(data, structure=G))

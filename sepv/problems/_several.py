@@ -140,7 +140,7 @@ def commuting_oscillators() -> StructuresProblem:
     return _started(data, "commuting-oscillators", _IN_PLANES, closed_form=exact)
 
 
-def kubo_oscillator(a: float = 2.0, sigma: float = 0.5) -> Problem:
+def kubo_oscillator(a: float = 2.0, sigma: float = 0.5) -> StructuresProblem:
     """Kubo's oscillator: H_0 = ½a(p² + q²) and σH_1 = ½σ(p² + q²);
     the exact solution is a rotation by aT + σW(T).
 
@@ -159,7 +159,6 @@ def kubo_by_hamiltonians() -> Problem:
     """Kubo's oscillator as a `HamiltoniansProblem` with H_0 and H_1, for schemes that need ∇H_1."""
     problem = kubo_oscillator()
     H = poly.polynomial(2, [((2, 0), 0.5), ((0, 2), 0.5)])
-    assert isinstance(problem, StructuresProblem)
     return HamiltoniansProblem(
         2, problem.structure, problem.hamiltonian, problem.gradient,
         noise=tuple(problem.c.tolist()), hessian=problem.hessian, structure_derivative=problem.structure_derivative,

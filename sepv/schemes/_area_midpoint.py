@@ -17,7 +17,7 @@ from itertools import combinations
 
 from sepv.core.formula import Increment
 from sepv.errors import Skipped
-from sepv.problem import Array, HamiltoniansProblem, Problem, Systems, bracket, hamiltonian_field
+from sepv.problem import Array, Problem, Systems, bracket, hamiltonian_field
 from sepv.schemes._one_step import Implicit, noise_and_areas, one_step
 from sepv.schemes._stochastic_midpoint import CLAIMS
 
@@ -29,8 +29,7 @@ def require_derivatives(problem: Problem) -> None:
     The brackets [f_i, f_j] need both. Differences of fields would give brackets with only half of
     the digits.
     """
-    second = problem.noise_hessians if isinstance(problem, HamiltoniansProblem) else problem.hessian
-    if problem.noises > 1 and not (second and problem.structure_derivative):
+    if problem.noises > 1 and not all(F.hessian and F.structure_derivative for F in problem.channels[1:]):
         raise Skipped(
             f"{problem.name} gives no second derivatives of its Hamiltonians, or no derivatives of B, for brackets"
         )
@@ -45,7 +44,7 @@ def increment(problem: Problem, y0: Array, y1: Array, known: Array) -> Increment
     middle, first = y0 + 0.5 * (y1 - y0), 1 + problem.noises
     value = hamiltonian_field(problem, middle, known[:first])
     for area, (i, j) in zip(known[first:], combinations(range(problem.noises), 2), strict=True):
-        value = value + area * bracket(problem, i, j, middle)
+        value = value + area * bracket(problem, 1 + i, 1 + j, middle)
     return Increment(value)
 
 

@@ -23,18 +23,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from sepv.core.problem import System
 from sepv.core.step import Solution
 from sepv.errors import Skipped
-from sepv.problem import Array, DampedProblem, Problem, Systems
+from sepv.problem import Array, Problem, Systems, uniform_damping
 from sepv.schemes._energy_preserving import formula, jacobian
 from sepv.schemes._one_step import CLAIMS_OF_ALL, Solved, implicit, one_step
 
 
 def undamped_step(problem: Problem, h: float, noise: Array) -> Array:
     """The random step Δ = h + Σ c_j ΔŴ_j, (1, M), of the step Φ;
-    `DampedProblem.random_step` would raise an error.
+    `Problem.random_step` would raise an error.
     """
-    return Problem.random_step(problem, h, noise)[None]
+    return System.random_step(problem, h, noise)[None]
 
 
 undamped = implicit(formula, jacobian, parts=undamped_step)
@@ -44,9 +45,10 @@ def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
     """Solve one step of a batch y (d, M), dW (m, M). Raises Skipped for a problem without
     damping.
     """
-    if not isinstance(problem, DampedProblem):
+    rate = uniform_damping(problem)
+    if not rate:
         raise Skipped(f"{problem.name} has no damping −γy (sepv.problem.DampedProblem)")
-    factor = np.exp(-0.5 * h * problem.damping)
+    factor = np.exp(-0.5 * h * rate)
     solution = undamped.solve(problem, factor * y, h, dW)
     value = factor * solution.value
     return replace(solution, value=value, change=value - y)

@@ -17,7 +17,7 @@ from sepv.core.arrays import Lanes
 from sepv.core.formula import Formula
 from sepv.core.newton import Flagged
 from sepv.core.step import Code
-from sepv.problem import Array, NamedProblem, Problem, cramer
+from sepv.problem import Array, NamedProblem, Problem, cramer, one_field
 from sepv.record import CannotRecord, NoClosedForm, Source, source
 from sepv.schemes._recorded import Recorded
 
@@ -114,7 +114,7 @@ def _is_fixed(problem: Problem) -> bool:
     wrapped or left out by a user.
     """
     return (
-        type(problem) is Problem
+        one_field(problem)
         and isinstance(problem.data, NamedProblem)
         and all(str(getattr(f, "__module__", "")).startswith(_MODULES) for f in _functions(problem))
     )

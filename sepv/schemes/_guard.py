@@ -17,7 +17,7 @@ import numpy as np
 from sepv._arithmetic import restore
 from sepv.children import TimedOut, note_step, one_process, returned_twice
 from sepv.errors import NotFinite, SchemeFault, SepvError, StepFailure, UsageError, said
-from sepv.problem import Array, Problem, is_several
+from sepv.problem import Array, Problem, one_field
 from sepv.problems.shown_to_schemes import shown
 from sepv.schemes._further_increments import answer, carry, joined
 from sepv.schemes._scheme import Scheme, Step
@@ -36,7 +36,7 @@ class Refusal(StepFailure):
         self.problem, self.y, self.status = problem.name, y, "refused"
         # The message gives Δ if there is one: batches and whole paths have many, and several
         # structures have none.
-        whole = y.ndim == dW.ndim == 1 and not is_several(problem)
+        whole = y.ndim == dW.ndim == 1 and one_field(problem)
         self.delta = float(problem.random_step(h, dW)) if whole else float(h)
         self.residual, self.iterations = float("nan"), 0
         self.traceback = "".join(traceback.format_exception(error))

@@ -10,7 +10,7 @@ from math import prod
 from typing import Any, NamedTuple
 
 from sepv.core.formula import Fields, Formula
-from sepv.problem import HamiltoniansProblem, Nambu, PolynomialSystem, Problem, combined, matvec
+from sepv.problem import Nambu, PolynomialSystem, Problem, combined, matvec
 from sepv.record import (
     CannotRecord,
     Mean,
@@ -103,9 +103,11 @@ class Recorded:
         """The gradients ∇H_1, …, ∇H_m of the noise Hamiltonians in symbols;
         each is ∇H if there is only one H.
         """
-        if not isinstance(self.problem, HamiltoniansProblem):
-            return [self.slope] * self.problem.noises
-        return [gradient(self.tape.symbol(H(self.y)), self.y) for H in self.problem.noise_hamiltonians]
+        drift, *noises = self.problem.channels
+        return [
+            self.slope if F is drift else gradient(self.tape.symbol(F.hamiltonian(self.y)), self.y)
+            for F in noises
+        ]
 
     @cached_property
     def field(self) -> Sequence[Polynomial] | None:

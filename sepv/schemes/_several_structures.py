@@ -23,13 +23,11 @@ from sepv.core.newton import Status
 from sepv.core.step import Solution
 from sepv.problem import (
     Array,
-    CommutingStructure,
     Problem,
     Systems,
     average_gradient,
     combined,
     each_noise,
-    noise_structures,
     undefined,
 )
 from sepv.schemes._one_step import ENERGY_PRESERVING, implicit, one_step
@@ -51,7 +49,7 @@ def mark_undefined(problem: Problem, y0: Array, step: Array, solution: Solution)
     Either S_j is undefined at y0 and the step was not solved, or S_j∇̄H_0 is far from B∇H_j in the
     solved step.
     """
-    if not any(isinstance(G, CommutingStructure) for G in noise_structures(problem)):
+    if all(F.keeping is F.structure for F in problem.channels):
         return
     with np.errstate(all="ignore"):
         nowhere = ~np.isfinite(combined(problem, y0, step)).all(axis=(0, 1))

@@ -16,7 +16,7 @@ fields commute. The weak order is 1.
 from __future__ import annotations
 
 from sepv.errors import Skipped
-from sepv.problem import Array, HamiltoniansProblem, Problem
+from sepv.problem import Array, Problem
 from sepv.schemes._one_step import CLAIMS_OF_ALL, one_step
 from sepv.schemes._order_claims import Orders
 from sepv.schemes._scheme import as_lanes
@@ -29,12 +29,13 @@ def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
     Raises Skipped for a problem without `flows` of parts of H_0, or without `noise_flows`.
     """
-    if not isinstance(problem, HamiltoniansProblem) or not problem.flows or not problem.noise_flows:
+    noise_flows = getattr(problem, "noise_flows", ())
+    if not problem.flows or not noise_flows:
         raise Skipped(f"{problem.name} gives no exact flows of its Hamiltonians (flows, noise_flows)")
     state, noise = as_lanes(problem, y, h, dW)
     half = state[0] * 0 + 0.5 * h
     times = 0.5 * problem.c[:, None] * noise
-    outer = [*((flow, half) for flow in problem.flows), *zip(problem.noise_flows, times, strict=True)]
+    outer = [*((flow, half) for flow in problem.flows), *zip(noise_flows, times, strict=True)]
     for flow, t in (*outer, *outer[::-1]):
         state = flow(state, t)
     return state.reshape(y.shape)

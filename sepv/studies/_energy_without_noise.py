@@ -18,7 +18,7 @@ from sepv.errors import Skipped, UsageError
 from sepv.files import finite
 from sepv.law import Verdict, quiet_problem
 from sepv.pictures import Axis, Series, content, draw_curves, figure, looks
-from sepv.problem import Array, Problem, is_several
+from sepv.problem import Array, Problem, one_field
 from sepv.properties import EnergyPath, Stopped, allowed_rounding, trend, users_orbits
 from sepv.schemes import Look, Scheme
 
@@ -71,7 +71,7 @@ def quiet_growth(scheme: Scheme, problem: Problem, *, h: float, T: float) -> Qui
     Raises UsageError for a problem with a different vector field for each noise, or without an
     initial state.
     """
-    if is_several(problem) or problem.initial is None:
+    if not one_field(problem) or problem.initial is None:
         raise UsageError(
             expected="a problem of (1.1) with an initial state",
             received=problem.name,

@@ -23,7 +23,7 @@ from sepv.files import finite
 from sepv.law import Finding, Verdict, in_units
 from sepv.law.cases.case import Case, from_json
 from sepv.law.cases.users_problems import objects_of
-from sepv.problem import Array, Problem, casimir_gradients, invariants, is_several
+from sepv.problem import Array, Problem, casimir_gradients, invariants, one_field
 from sepv.properties import load_laws
 from sepv.schemes import Scheme, ask
 from sepv.verification._outcome import Outcome
@@ -95,7 +95,7 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
     conserved, drift, size = _kept(finding.law, problem, path)
     shown = np.sort(np.argsort(-np.ptp(path, axis=1), kind="stable")[:2])
     exact = np.empty((len(y), 0))
-    if not is_several(problem):
+    if one_field(problem):
         theta = float(problem.random_step(h, dW)) * np.linspace(
             0, len(states) - 1, FINER * (len(states) - 1) + 1
         )

@@ -10,10 +10,10 @@ from sepv.problem import (
     DampedProblem,
     HamiltoniansProblem,
     Problem,
+    bracket,
     conformal_rate,
     damping_matrix,
     drift,
-    drift_bracket,
     friction,
     ito_drift,
     langevin,
@@ -68,7 +68,7 @@ def test_the_drift_and_its_bracket_have_the_friction() -> None:
     assert drift(problem, y).tolist() == [-1.5, -4 * 0.75 + 0.5 * 1.5]
     assert np.array_equal(ito_drift(problem, y), drift(problem, y))  # constant fields
     # [f_0, g] = −f_0′g for a constant g = e_p, with f_0′ = ((0, 1), (−4, −½)).
-    assert drift_bracket(problem, 0, y).tolist() == [-1.0, 0.5]
+    assert bracket(problem, 0, 1, y).tolist() == [-1.0, 0.5]
 
 
 @pytest.mark.parametrize("name", NAMES)

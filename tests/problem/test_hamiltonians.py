@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sepv.properties._orders.local_errors import local_errors
 from sepv.properties._orders.local_moments import exponents
-from sepv.properties._orders.log_ode import combined_field, log_flow
+from sepv.properties._orders.log_ode import log_flow
 from sepv.properties._orders.several_fields import ends, refined
 from sepv.properties._stated_functions import drift_of_energy
 from sepv.reference.generator import moments
@@ -39,7 +39,7 @@ from sepv.problem import (
     each_noise,
     ito_drift,
 )
-from sepv.problem._hamiltonians import bracket, noise_field, noise_slope
+from sepv.problem._channels import bracket, combined_field, noise_field, slope
 from sepv.schemes import Orders, Scheme, as_lanes, order_of
 from sepv.simulate import _areas as areas
 from sepv.verification import Case, Run, Verdict
@@ -84,9 +84,9 @@ def test_what_is_derived_is_what_was_given() -> None:
     )
     y = np.array([0.3, -0.7, 1.1])
     assert np.allclose(ito_drift(derived, y), ito_drift(given_, y), rtol=1e-14)
-    assert np.allclose(bracket(derived, 0, 1, y), bracket(given_, 0, 1, y), rtol=1e-14)
+    assert np.allclose(bracket(derived, 1, 2, y), bracket(given_, 1, 2, y), rtol=1e-14)
     bare = replace(given_, noise_hessians=(), hessian=None, structure_derivative=None, check=False)
-    assert np.allclose(noise_slope(bare, 1, y), noise_slope(given_, 1, y), atol=1e-6)
+    assert np.allclose(slope(bare, 2, y), slope(given_, 2, y), atol=1e-6)
 
 
 @settings(max_examples=15)
@@ -248,7 +248,7 @@ def _without_cross_terms(problem: Problem, y: Array, h: float, dW: Array) -> Arr
     state, noise = as_lanes(problem, y, h, dW)
     value = state + combined_field(problem, state, each_noise(problem, h, noise))
     for j, c in enumerate(problem.c):
-        turned = matvec(noise_slope(problem, j, state), noise_field(problem, j, state))
+        turned = matvec(slope(problem, 1 + j, state), noise_field(problem, j, state))
         value = value + 0.5 * (c * noise[j]) ** 2 * turned
     return np.asarray(value).reshape(y.shape)
 

@@ -30,9 +30,15 @@ from benchmarks.additive_noise import euler_maruyama, implicit_euler
 from benchmarks.right_schemes import RIGHT
 from sepv import Problem, Scheme, problems, schemes
 from sepv.errors import ProblemError, Skipped, SystemsError
-from sepv.problem import DampedProblem, HamiltoniansProblem, PolynomialSystem, Systems, vector_field
+from sepv.problem import (
+    DampedProblem,
+    HamiltoniansProblem,
+    PolynomialSystem,
+    Systems,
+    noise_vectors,
+    vector_field,
+)
 from sepv.problem._checks import check_problem
-from sepv.problem._hamiltonians import noise_vectors
 from sepv.problems import from_json, to_json
 from sepv.record import _polynomial as poly
 from sepv.simulate import _wiener as wiener

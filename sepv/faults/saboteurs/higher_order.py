@@ -17,7 +17,7 @@ import numpy as np
 from sepv import schemes
 from sepv.core.formula import Fields, Formula
 from sepv.errors import Skipped, StepFailure
-from sepv.problem import Array, Problem, cross, each_noise, matvec, mechanics, noise_structures, vector_field
+from sepv.problem import Array, Problem, cross, each_noise, matvec, mechanics, vector_field
 from sepv.schemes import (
     Explicit,
     PointLaw,
@@ -141,7 +141,7 @@ def structures_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     not at ȳ.
     """
     drift = step[0] * fields.structure(middle(y, z))
-    structures = noise_structures(fields.problem)
+    structures = fields.problem.structures[1:]
     noise = sum(part * G(y) for part, G in zip(step[1:], structures, strict=True))
     return matvec(drift + noise, fields.mean_gradient(y, z))
 

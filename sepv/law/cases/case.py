@@ -25,8 +25,8 @@ from sepv.problem import (
     NamedProblem,
     PolynomialSystem,
     Problem,
-    is_several,
     noise_vectors,
+    one_field,
     problem_from_json,
     problem_to_json,
 )
@@ -89,7 +89,7 @@ class Case:
     def describe(self) -> str:
         """Describe the case in words; `to_json` gives every bit of its numbers."""
         problem = problems.build(self.problem)
-        several = is_several(problem)
+        several = not one_field(problem)
         step = 0.0 if several else float(problem.random_step(self.h, np.array(self.dW, dtype=np.float64)))
         return "\n".join(
             [
@@ -125,7 +125,7 @@ def quiet(case: Case) -> Case | None:
     if not case.dW:
         return case
     problem, _, h, dW = case.build()
-    if is_several(problem):
+    if not one_field(problem):
         return None
     return replace(with_noise(case, (), ()), h=float(problem.random_step(h, dW)))
 

@@ -12,7 +12,7 @@ from sepv import problems
 from sepv.law.cases.case import Case
 from sepv.law.cases.random_parts import hamiltonian
 from sepv.law.cases.strata import monomials
-from sepv.problem import Array, Problem, StructuresProblem
+from sepv.problem import Array, Problem
 from sepv.problems import commuting_actions
 from sepv.record import Polynomial, poly
 
@@ -48,9 +48,8 @@ def _steepest(problem: Problem, y: Array) -> float:
     """The largest component at y of the fields B∇H and c_j G_j∇H and of their difference
     quotients.
     """
-    assert isinstance(problem, StructuresProblem)
     worst = 0.0
-    for c, G in zip((1.0, *problem.c), (problem.structure, *problem.noise_structures), strict=True):
+    for c, G in zip((1.0, *problem.c), problem.structures, strict=True):
         for k in range(y.size):
             at = y.copy()
             at[k] += 1e-6

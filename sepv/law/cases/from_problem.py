@@ -22,12 +22,13 @@ from sepv.problem import (
     Array,
     Description,
     GivenProblem,
-    HamiltoniansProblem,
     NamedProblem,
     PolynomialSystem,
     Problem,
-    noise_hessian,
+    hamiltonians_of,
+    hessian,
     sample_states,
+    structures_of,
 )
 
 # Names of problems whose H, B and ∇H the references compute in extended precision.
@@ -205,11 +206,8 @@ def sizes_at(problem: Problem, y: Array) -> tuple[Array, Array, Array, Array]:
     with np.errstate(all="ignore"):
         dB = slopes(problem.structure, problem.structure_derivative, y)
         H = slopes(problem.gradient, problem.hessian, y)
-        structures = [problem.structure, *getattr(problem, "noise_structures", ())]
-        B = np.max([np.abs(G(y)) for G in structures], axis=0)
-        g = np.abs(problem.gradient(y))
-        if isinstance(problem, HamiltoniansProblem):
-            g = np.max([g, *(np.abs(f(y)) for f in problem.noise_gradients)], axis=0)
-            curved = [np.abs(noise_hessian(problem, j, y)) for j in range(problem.noises)]
-            H = np.max([np.abs(H), *curved], axis=0)
+        B = np.max([np.abs(G(y)) for G in structures_of(problem)], axis=0)
+        first, *others = hamiltonians_of(problem)
+        g = np.max([np.abs(F.gradient(y)) for F in (first, *others) if F.gradient], axis=0)
+        H = np.max([np.abs(H), *(np.abs(hessian(problem, y, F)) for F in others)], axis=0)
         return B, g, np.abs(dB), np.abs(H)

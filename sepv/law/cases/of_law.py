@@ -22,15 +22,16 @@ from sepv.law.cases.single_precision import in_range, single
 from sepv.law.cases.strata import Space, Strata
 from sepv.law.cases.users_problems import Item
 from sepv.problem import (
-    DampedProblem,
     Description,
     GivenProblem,
-    HamiltoniansProblem,
     PolynomialSystem,
     Problem,
-    StructuresProblem,
     Systems,
     damping_of,
+    one_field,
+    one_hamiltonian,
+    one_structure,
+    uniform_damping,
 )
 from sepv.schemes import OF_DAMPED
 
@@ -283,13 +284,13 @@ def class_of(description: Description | Problem) -> Systems:
     never a narrower one.
     """
     problem = description if isinstance(description, Problem) else named.build(description)
-    if isinstance(problem, HamiltoniansProblem):
-        if problem.damping:
-            return Systems.FRICTION
-        return Systems.ADDITIVE if problem.noise_vectors else Systems.HAMILTONIANS
-    if isinstance(problem, DampedProblem):
-        return Systems.DAMPED
-    return Systems.SEVERAL if isinstance(problem, StructuresProblem) else Systems.SINGLE
+    if one_field(problem):
+        return Systems.SINGLE
+    if damping_of(problem):
+        return Systems.DAMPED if uniform_damping(problem) else Systems.FRICTION
+    if one_hamiltonian(problem):
+        return Systems.SEVERAL
+    return Systems.HAMILTONIANS if one_structure(problem) else Systems.ADDITIVE
 
 
 def _present(drawn: st.SearchStrategy[Case | None]) -> Strategy:

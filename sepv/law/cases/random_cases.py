@@ -35,11 +35,11 @@ from sepv.law.contraction import contraction_ball, contraction_radius
 from sepv.law.tolerance import gradient_majorant, structure_majorant
 from sepv.problem import (
     Array,
-    HamiltoniansProblem,
     Matrix,
     PolynomialSystem,
     Problem,
     Structure,
+    one_hamiltonian,
     vector_field,
 )
 from sepv.record import Polynomial, poly
@@ -239,7 +239,7 @@ def general(system: PolynomialSystem) -> PolynomialSystem | None:
     """Return the system if some bracket {H_0, H_j} of its Hamiltonians does not vanish; else
     None.
     """
-    return system if isinstance(problems.build(system), HamiltoniansProblem) else None
+    return None if one_hamiltonian(problems.build(system)) else system
 
 
 def from_origin(system: PolynomialSystem, levels: Levels, random: Random) -> Case | None:

@@ -15,13 +15,11 @@ import numpy as np
 from sepv.errors import Skipped
 from sepv.problem import (
     Array,
-    CommutingStructure,
-    HamiltoniansProblem,
     Problem,
-    StructuresProblem,
     damping_of,
     each_noise,
-    noise_structures,
+    one_field,
+    one_hamiltonian,
 )
 from sepv.record import CannotRecord, NoClosedForm
 from sepv.schemes import Scheme, Systems
@@ -129,19 +127,19 @@ def taken(scheme: Scheme, problem: Problem) -> Formula:
             raise CannotCompile(str(why)) from why
     if damping_of(problem):
         raise CannotCompile(f"{problem.name} has damping, which the compiled engine does not take")
-    if isinstance(problem, HamiltoniansProblem):
-        if scheme.systems != Systems.HAMILTONIANS or formula.parts is not each_noise:
-            raise CannotCompile(
-                f"{problem.name} has several Hamiltonians, the scheme {scheme.name!r} takes one"
-            )
+    if one_field(problem):
         return formula
-    if isinstance(problem, StructuresProblem) and scheme.systems == Systems.HAMILTONIANS:
-        raise CannotCompile(f"{problem.name} has several structures, and not several Hamiltonians")
-    structures = noise_structures(problem)
-    if any(isinstance(G, CommutingStructure) for G in structures):
-        raise CannotCompile(f"{problem.name} has structures that are undefined at critical points of H")
-    if isinstance(problem, StructuresProblem) and formula.parts is not each_noise:
-        raise CannotCompile(f"{problem.name} has several structures, the scheme {scheme.name!r} takes one")
+    own, several = formula.parts is each_noise, scheme.systems == Systems.HAMILTONIANS
+    if not one_hamiltonian(problem):
+        wrong = "" if own and several else f"several Hamiltonians, the scheme {scheme.name!r} takes one"
+    elif several:
+        wrong = "several structures, and not several Hamiltonians"
+    elif any(F.keeping is not F.structure for F in problem.channels):
+        wrong = "structures that are undefined at critical points of H"
+    else:
+        wrong = "" if own else f"several structures, the scheme {scheme.name!r} takes one"
+    if wrong:
+        raise CannotCompile(f"{problem.name} has {wrong}")
     return formula
 
 
