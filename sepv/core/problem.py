@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -88,9 +88,12 @@ class System:
         """The number m of Wiener processes."""
         return int(self.c.size)
 
-    @property
+    @cached_property
     def channels(self) -> tuple[Channel, ...]:
         """The fields F_0, …, F_m of the drift and of each noise."""
+        return self._channels()
+
+    def _channels(self) -> tuple[Channel, ...]:
         B, slope = self.structure, self.structure_derivative
         return (Channel(B, self.gradient, slope, self.hessian, self.hamiltonian, B),) * (1 + self.noises)
 

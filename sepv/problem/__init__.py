@@ -17,6 +17,7 @@ from sepv.core.arrays import cramer, forward_differences, linear_solve, matmul, 
 from sepv.core.average import Average, argument_rounding
 from sepv.core.average import average_gradient as average_gradient
 from sepv.core.average import average_hessian as average_hessian
+from sepv.core.problem import Channel as Channel
 from sepv.core.problem import (
     Function,
     combined,

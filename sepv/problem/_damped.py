@@ -58,9 +58,8 @@ class DampedProblem(Problem):
             )
         self._checked_invariants(check)
 
-    @property
-    def channels(self) -> tuple[Channel, ...]:
-        own, *noises = super().channels
+    def _channels(self) -> tuple[Channel, ...]:
+        own, *noises = super()._channels()
         return (own._replace(damping=self.damping), *noises)
 
 

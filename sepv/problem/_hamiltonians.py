@@ -137,9 +137,8 @@ class HamiltoniansProblem(Problem):
             object.__setattr__(self, "noise_hamiltonians", checked)
         self._checked_invariants(check)
 
-    @property
-    def channels(self) -> tuple[Channel, ...]:
-        own, *_ = super().channels
+    def _channels(self) -> tuple[Channel, ...]:
+        own, *_ = super()._channels()
         first = own._replace(damping=self.damping)
         if self.noise_vectors:
             return (first, *(Channel(vector=g) for g in self.noise_vectors))

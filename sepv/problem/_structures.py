@@ -99,9 +99,8 @@ class StructuresProblem(Problem):
             object.__setattr__(self, "noise_structures", checked)
         self._checked_invariants(check)
 
-    @property
-    def channels(self) -> tuple[Channel, ...]:
-        own, *_ = super().channels
+    def _channels(self) -> tuple[Channel, ...]:
+        own, *_ = super()._channels()
         slopes = self.noise_structure_derivatives or (None,) * self.noises
         return (own, *(_channel(own, G, D) for G, D in zip(self.noise_structures, slopes, strict=True)))
 

@@ -1,6 +1,8 @@
 """The record of channels: the fields of a system, and the facts that laws and schemes ask for."""
 
 import ast
+import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -167,3 +169,13 @@ def test_the_search_for_tests_of_a_class_sees_each_form() -> None:
                  "type(p) is Problem", "issubclass(type(p), HamiltoniansProblem)"):  # fmt: skip
         assert any(map(_of_class, ast.walk(ast.parse(text)))), text
     assert not any(map(_of_class, ast.walk(ast.parse("isinstance(p, Problem) and type(p) is int"))))
+
+
+def test_a_copy_with_other_noise_has_channels_of_its_own() -> None:
+    problem = sepv.problems.rigid_body()
+    assert problem.channels is problem.channels
+    copy = replace(problem, noise=(0.5, 0.25, 0.125), check=False)
+    assert (len(problem.channels), len(copy.channels)) == (1 + problem.noises, 4)
+    spins = sepv.problems.two_spins()
+    assert len(spins.channels) == 3
+    assert one_structure(pickle.loads(pickle.dumps(spins)))
