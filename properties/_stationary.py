@@ -34,6 +34,7 @@ from functools import lru_cache
 from random import Random
 
 import numpy as np
+from sepv.properties._orders.gaussian_step import AFFINE_TOLERANCE, affine_slope
 from sepv.properties._problems_of import problems_of
 
 from sepv.errors import Skipped, StepFailure, Unasked
@@ -43,14 +44,10 @@ from sepv.problem import (
     PolynomialSystem,
     Problem,
     Systems,
-    damping_matrix,
     damping_of,
     drift,
     friction,
-    hessian,
-    matmul,
     noise_vectors,
-    sample_states,
 )
 from sepv.problems import canonical, started
 from sepv.record import EPS, poly
@@ -58,10 +55,6 @@ from sepv.schemes import Scheme, ask, has_memory, takes
 
 # The largest dimension: (S) and (D) are solved as systems of d² equations.
 MAX_DIMENSION = 12
-# A drift is affine if H″ changes by at most this share between states, and a step if its value
-# differs by at most this share from the affine map. Both are far above rounding, and far below the
-# curvature of a potential.
-AFFINE_TOLERANCE = 2.0**-30
 # A mode that decays by a smaller share of its own frequency is counted as undamped: roundings of A
 # move it as much.
 LEAST_DECAY = 2.0**-40
@@ -103,12 +96,8 @@ def exact(problem: Problem) -> Stationary | str:
         return f"{problem.name} has more than {MAX_DIMENSION} components"
     if len(noise_vectors(problem)) != problem.noises or not problem.c.any():
         return f"the noise of {problem.name} is not given by vectors, or is zero"
-    slopes = [
-        damping_matrix(problem) - matmul(problem.structure(y), hessian(problem, y))
-        for y in sample_states(problem)
-    ]
-    A = slopes[0]
-    if any(np.max(np.abs(other - A)) > AFFINE_TOLERANCE * np.max(np.abs(A)) for other in slopes):
+    A = affine_slope(problem)
+    if A is None:
         return f"V of {problem.name} is not quadratic"
     rates = np.linalg.eigvals(A)
     if np.min(rates.real) <= LEAST_DECAY * np.max(np.abs(rates)):

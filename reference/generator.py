@@ -1,11 +1,11 @@
 """The exact power series in h of E g(y(h) − y0): Σ_k h^k/k! (L^k g)(y0)
 with the generator L of the system.
 
-For dy = F_0 dt + Σ_j F_j∘dW_j the generator is L = A_0 + ½ Σ_j A_j², A_j = F_j·∇, with F_0 = B∇H
+For dy = F_0 dt + Σ_j F_j∘dW_j the generator is L = A_0 + ½ Σ_j A_j², A_j = F_j·∇, with F_0 = B∇H,
 and F_j = c_j B∇H, c_j G_j∇H (several structures), c_j B∇H_j (several Hamiltonians) or c_j g_j
-(additive noise). For polynomial data and monomials in x = y − y0 all coefficients are rational
-numbers, and (L^k x^α)(y0) obeys a recursion in k. Let L x^α = Σ_β ℓ_αβ x^β. Because L lowers
-degrees by two at most,
+(additive noise, beside which F_0 may have the friction −Γy). For polynomial data and monomials in
+x = y − y0 all coefficients are rational numbers, and (L^k x^α)(y0) obeys a recursion in k. Let
+L x^α = Σ_β ℓ_αβ x^β. Because L lowers degrees by two at most,
 
     (L^(k+1) x^α)(y0) = Σ_β ℓ_αβ (L^k x^β)(y0),    (L^k x^β)(y0) = 0 for |β| > 2k.
 """
@@ -75,6 +75,21 @@ def _field(
     return components
 
 
+def _damped(data: PolynomialSystem, y0: Sequence[Fraction], field: list[Rational]) -> list[Rational]:
+    """The field with the friction −Γ(y0 + x), for a matrix Γ."""
+    d = len(y0)
+    rows = [[Fraction(float(v)) for v in row] for row in data.damping or [[0.0] * d] * d]
+    units = [tuple(int(n == j) for n in range(d)) for j in range(d)]
+    return [
+        _sum(
+            part,
+            {(0,) * d: -sum((g * v for g, v in zip(row, y0, strict=True)), Fraction(0))},
+            {unit: -g for unit, g in zip(units, row, strict=True)},
+        )
+        for part, row in zip(field, rows, strict=True)
+    ]
+
+
 def fields(data: PolynomialSystem, y0: Sequence[float]) -> list[list[Rational]]:
     """The fields F_0, F_1, …, F_m of drift and noises, as polynomials in x = y − y0."""
     at = [Fraction(float(v)) for v in y0]
@@ -83,7 +98,7 @@ def fields(data: PolynomialSystem, y0: Sequence[float]) -> list[list[Rational]]:
     if data.noise_vectors:
         vectors = zip(data.noise_vectors, noise, strict=True)
         pushes = [[{(0,) * len(at): c * Fraction(float(v))} for v in g] for g, c in vectors]
-        return [_field(B, H, Fraction(1), at), *pushes]
+        return [_damped(data, at, _field(B, H, Fraction(1), at)), *pushes]
     pairs = [(G, H) for G in data.noise_structures] or [(B, p) for p in data.noise_hamiltonians]
     pairs = pairs or [(B, H)] * len(noise)
     return [

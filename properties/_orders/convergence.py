@@ -113,7 +113,7 @@ def strong_errors(
         known = exact is not None
         if not known:
             order = order_of(scheme.mean_square_order, column(problem))
-            rough, exact, apart = refined(problem, start, T, finest, numbers, seed, order)
+            rough, exact, apart = refined(problem, start, T, finest, numbers, seed, order, scheme.asks)
             fine, reference = rough.coarse(finest).dW, max(reference, apart)
         if scheme.asks and rough is None:
             rough = areas.drawn(seed, T=T, steps=areas.FINE_STEPS * finest, noises=noises, paths=numbers)

@@ -24,6 +24,7 @@ from math import factorial
 import numpy as np
 from sepv.properties._failed_step import first_failed
 from sepv.properties._orders.gaussian import Rule, point_rule, rule_for
+from sepv.properties._orders.gaussian_step import gaussian_step, is_gaussian
 from sepv.properties._orders.local_moments import FULL_DEGREE, SPLIT, exponents, moments_at, moments_of
 from sepv.properties._orders.log_ode import field, log_flow, runge_kutta
 from sepv.properties._problems_of import as_taken, problems_of, units_for
@@ -118,7 +119,8 @@ class LocalErrors:
     |E g(y1) − E g(φ)|, the largest over states and polynomials g, in the problem's unit of length.
     If only moments of φ are known, `rms` is NaN. For several Hamiltonians that do not commute,
     `rms` is the distance of y1 from the solution of the log-ODE of step two
-    (`sepv.properties._orders.log_ode`), which is within O(h^{3/2}) of φ.
+    (`sepv.properties._orders.log_ode`), which is within O(h^{3/2}) of φ, unless φ is Gaussian
+    (`coupled_rms`).
     """
 
     problem: str
@@ -205,7 +207,7 @@ def _measure(scheme: Scheme, problem: Problem, spared: bool) -> LocalErrors:
             rows = []  # only step sizes below all failures are used
         elif known:
             first, _, second = against_moments(moved, ends, taken.weights, top, length)
-            rows.append((h, first, from_log_flow(problem, states, h, taken, y) / length, second))
+            rows.append((h, first, coupled_rms(problem, states, h, taken, y, scheme.asks) / length, second))
         elif law is not None:
             rows.append(
                 (h, *apart(moved, taken.weights, (ends - states[..., None]) / length, nodes.weights, weak))
@@ -228,14 +230,21 @@ def moments_only(problem: Problem) -> bool:
     return one_hamiltonian(problem) or not commutes(problem)
 
 
-def from_log_flow(problem: Problem, states: Array, h: float, nodes: Rule, y: Array) -> float:
-    """Return the largest (E|y1 − φ|²)^½ over states, where φ solves the log-ODE of step two;
-    NaN if there is no φ.
+def coupled_rms(problem: Problem, states: Array, h: float, nodes: Rule, y: Array, asks: str) -> float:
+    """Return the largest (E|y1 − φ|²)^½ over states; NaN if there is no φ.
 
-    φ is computed by one step of order four, with an error of the order of h^{5/2}. Its distance
+    With additive noise and an affine drift φ is the exact solution, and E|y1 − φ|² the mean over
+    the nodes of |y1 − E[φ | rows]|², plus the variance of φ given the rows. Else φ solves the
+    log-ODE of step two. It is computed by one step of order four, with an error of the order of
+    h^{5/2}. Its distance
     from the exact solution is O(h^{3/2}). For commuting noises with space-time areas the brackets
     with the drift make the distance O(h²).
     """
+    if is_gaussian(problem):
+        step = gaussian_step(problem, h, asks)
+        rows = np.sqrt(h) * np.concatenate([nodes.xi, nodes.zeta[problem.noises :, nodes.index]])
+        apart = np.sum((y - step.mean(states, rows)) ** 2, axis=0) @ nodes.weights
+        return float(np.sqrt(np.max(apart) + step.variance()))
     general = column(problem) == "general"
     if one_hamiltonian(problem) or (general and nodes.areas is None):
         return float("nan")

@@ -30,9 +30,9 @@ from sepv.problem import (
     Array,
     PolynomialSystem,
     Problem,
+    drift,
     noise_field,
     one_hamiltonian,
-    vector_field,
 )
 from sepv.record import EPS
 from sepv.schemes import DORMAND_PRINCE_8
@@ -131,7 +131,7 @@ def _split(problem: Problem, y: Array, h: float) -> tuple[Array, Array, float]:
     weights = np.prod((w / w.sum())[grid], axis=0)
     u = weights.size
     times = np.sqrt(h) * np.tile(x[grid], (1, S * n))  # for each pair of a state and a node, nodes fastest
-    y, error = _flow(lambda z: vector_field(problem, z), y.reshape(d, -1), np.full(S * n, 0.5 * h))
+    y, error = _flow(lambda z: drift(problem, z), y.reshape(d, -1), np.full(S * n, 0.5 * h))
     lanes = np.repeat(y, u, axis=1)
     ends = []
     for order in (range(m), range(m)[::-1]):
@@ -139,7 +139,7 @@ def _split(problem: Problem, y: Array, h: float) -> tuple[Array, Array, float]:
         for j in order:
             z, more = _flow(lambda z, j=j: noise_field(problem, j, z), z, problem.c[j] * times[j])  # type: ignore[misc]
             error = max(error, more)
-        z, more = _flow(lambda z: vector_field(problem, z), z, np.full(S * n * u, 0.5 * h))
+        z, more = _flow(lambda z: drift(problem, z), z, np.full(S * n * u, 0.5 * h))
         error = max(error, more)
         ends.append(z.reshape(d, S, n, u))
     found = np.concatenate(ends, axis=3)

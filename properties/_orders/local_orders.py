@@ -19,7 +19,7 @@ from sepv.properties._orders.local_errors import LEVELS, LocalErrors, local_erro
 from sepv.errors import Skipped
 from sepv.files import finite
 from sepv.law import Finding, Law, Run, Verdict, first_order
-from sepv.problem import Array, Problem, damping_of
+from sepv.problem import Array, Problem, damping_of, noise_vectors
 from sepv.record import EPS
 from sepv.schemes import Scheme, order_of
 
@@ -169,7 +169,7 @@ def judge(
     skipped: list[Skipped] = []
     unknown = ""
     for problem in problems_for(scheme):
-        if damping_of(problem):
+        if damping_of(problem) and not len(noise_vectors(problem)):
             unknown = f"the solution of one step of {problem.name} is not known here: it depends on the path"
             lines.append(f"{problem.name}: skipped, {unknown}")
             continue

@@ -18,6 +18,7 @@ O(δ) in the mean, which the extrapolation removes, and otherwise O(δ^{3/2}).
 from __future__ import annotations
 
 import numpy as np
+from sepv.properties._orders.gaussian_step import gaussian_path, is_gaussian
 from sepv.properties._orders.log_ode import log_flow, path
 
 from sepv.exact import exact_flow
@@ -49,13 +50,19 @@ def ends(problem: Problem, y0: Array, T: float, W: Array) -> Array | None:
 
 
 def refined(
-    problem: Problem, y0: Array, T: float, steps: int, paths: range, seed: int, order: float
+    problem: Problem, y0: Array, T: float, steps: int, paths: range, seed: int, order: float, asks: str
 ) -> tuple[RoughPath, Array, float]:
     """Return the reference for fields that do not all commute: finer noise and areas, y(T) (d, M),
     rms error.
 
-    `order` is the mean-square order that the scheme claims for this problem.
+    `order` is the mean-square order that the scheme claims for this problem, and `asks` what it
+    gets beside increments. With additive noise and an affine drift y(T) is exact
+    (`sepv.properties._orders.gaussian_step`).
     """
+    if is_gaussian(problem):
+        finest = steps * (areas.FINE_STEPS if asks else 1)
+        rough = areas.drawn(seed, T=T, steps=finest, noises=problem.noises, paths=paths)
+        return rough, gaussian_path(problem, y0, rough, seed, paths), 0.0
     fine = areas.drawn(seed, T=T, steps=LOG_ODE_REFINEMENT * steps, noises=problem.noises, paths=paths)
     half = fine.coarse(LOG_ODE_REFINEMENT * steps // 2)
     with_drift = order > 1 and column(problem) != "general"

@@ -31,6 +31,7 @@ from sepv.core.problem import field_jacobian as field_jacobian
 from sepv.core.problem import vector_field as vector_field
 from sepv.problem import _poisson as poisson
 from sepv.problem._channels import bracket, combined_field, noise_field
+from sepv.problem._channels import slope as channel_slope
 from sepv.problem._channels import column as column
 from sepv.problem._channels import commutes as commutes
 from sepv.problem._channels import drift as drift

@@ -41,7 +41,7 @@ IMITATED = {
         "stochastic-splitting": "lie-and-trotter",
         "isospectral-midpoint": "midpoint-as-isospectral",
         "baoab": "half-the-temperature half-a-kick noise-damped-half friction-of-positions noise-of-size-h "
-        "rational-friction no-friction",
+        "rational-friction no-friction friction-too-strong louder-by-a-fiftieth noise-of-half-the-exponent",
         "conformal": "damped-midpoint damped-rationally damped-at-once damped-by-size",
         "darboux-lie": "arithmetic-middle",
         "drift-preserving": "halves-alike pushed-too-far structure-before-the-step midpoint-between-the-halves",

@@ -19,6 +19,7 @@ from sepv.record import poly
 from sepv.schemes import Scheme, by_name
 from sepv.verification import load_laws
 
+LOCAL = ("local-mean", "local-mean-square", "local-weak")
 LAWS = ("equilibrium", "equilibrium:positions", "poisson-map:conformal")
 SIZES = (0.125, 0.5, 1.0, 1.5)
 
@@ -95,7 +96,7 @@ def test_a_long_path_has_the_variances_that_the_law_computes() -> None:
 )
 def test_each_fault_breaks_its_law(name: str) -> None:
     saboteur = SABOTEURS[name]
-    due = [law for law in saboteur.caught_by if law in LAWS]
+    due = [law for law in saboteur.caught_by if law in (*LAWS, *LOCAL)]
     for seed in range(2):
         assert verdicts(saboteur.scheme, *due, seed=seed) == ["violated"] * len(due) != []
 

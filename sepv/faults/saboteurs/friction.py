@@ -31,12 +31,20 @@ def _step(problem: Problem, y: Array, h: float, dW: Array, refresh: Refresh, las
     return own.mechanics.join(q, p + last * h * own.mechanics.force(q))
 
 
-@SABOTEURS.like(BAOAB, "σ² = γkT M in place of 2γkT M: half of the temperature", ("equilibrium",))
+@SABOTEURS.like(
+    BAOAB,
+    "σ² = γkT M in place of 2γkT M: half of the temperature",
+    ("equilibrium", "local-mean-square", "local-weak", "mean-square-order", "weak-order", "right-limit"),
+)
 def half_the_temperature(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return BAOAB.step(problem, y, h, np.sqrt(0.5) * dW)
 
 
-@SABOTEURS.like(BAOAB, "the second half of the kick is left out", ("equilibrium", "deterministic-order"))
+@SABOTEURS.like(
+    BAOAB,
+    "the second half of the kick is left out",
+    ("equilibrium", "deterministic-order", "local-mean", "local-weak", "mean-square-order"),
+)
 def half_a_kick(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return _step(problem, y, h, dW, Langevin.refreshed, last=0.0)
 
@@ -54,7 +62,9 @@ def noise_damped_half(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return _step(problem, y, h, dW, refresh)
 
 
-@SABOTEURS.like(BAOAB, "the friction acts on q too", ("equilibrium", "poisson-map:conformal"))
+@SABOTEURS.like(
+    BAOAB, "the friction acts on q too", ("equilibrium", "poisson-map:conformal", "local-mean", "local-weak")
+)
 def friction_of_positions(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     own = langevin(problem)
     q, p = own.mechanics.split(BAOAB.step(problem, y, h, dW))
@@ -62,13 +72,15 @@ def friction_of_positions(problem: Problem, y: Array, h: float, dW: Array) -> Ar
 
 
 @SABOTEURS.like(
-    BAOAB, "the friction is left out, and the noise is not: no step forgets its start", ("equilibrium",)
+    BAOAB,
+    "the friction is left out, and the noise is not: no step forgets its start",
+    ("equilibrium", "local-mean", "local-weak"),
 )
 def no_friction(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return _step(problem, y, h, dW, lambda own, p, h, dW: p + own.pushed(dW))  # noqa: ARG005 - a Refresh
 
 
-@SABOTEURS.like(BAOAB, "noise of size h in place of √h", ("equilibrium",))
+@SABOTEURS.like(BAOAB, "noise of size h in place of √h", ("equilibrium", "local-mean-square", "local-weak"))
 def noise_of_size_h(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return BAOAB.step(problem, y, h, np.sqrt(abs(h)) * dW)
 
@@ -82,5 +94,34 @@ def rational_friction(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     def refresh(own: Langevin, p: Array, h: float, dW: Array) -> Array:
         half = 0.5 * own.rate * h
         return (1 - half) / (1 + half) * p + own.pushed(dW) / (1 + half)
+
+    return _step(problem, y, h, dW, refresh)
+
+
+@SABOTEURS.like(
+    BAOAB,
+    "the friction 1.02γ beside the noise of γ",
+    ("local-mean", "local-weak", "equilibrium", "poisson-map:conformal", "deterministic-order"),
+)
+def friction_too_strong(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    def refresh(own: Langevin, p: Array, h: float, dW: Array) -> Array:
+        return np.exp(-1.02 * own.rate * h) * p + own.refreshed(0 * p, h, dW)
+
+    return _step(problem, y, h, dW, refresh)
+
+
+@SABOTEURS.like(BAOAB, "the noise 1.02σ", ("local-mean-square", "local-weak", "right-limit", "equilibrium"))
+def louder_by_a_fiftieth(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return BAOAB.step(problem, y, h, 1.02 * dW)
+
+
+@SABOTEURS.like(
+    BAOAB,
+    "the noise √((1 − e^(−γh))/(γh))σΔW in place of √((1 − e^(−2γh))/(2γh))σΔW: γ for 2γ, of weak order 1",
+    ("local-weak", "weak-order", "equilibrium"),
+)
+def noise_of_half_the_exponent(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    def refresh(own: Langevin, p: Array, h: float, dW: Array) -> Array:
+        return np.exp(-own.rate * h) * p + own.refreshed(0 * p, h / 2, dW)
 
     return _step(problem, y, h, dW, refresh)

@@ -1,0 +1,129 @@
+"""Orders of schemes for Langevin dynamics against the exact Gaussian step,
+and that step against other formulas.
+"""
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from sepv.properties._orders.gaussian_step import affine_slope, gaussian_path, gaussian_step, is_gaussian
+from sepv.properties._orders.local_moments import exponents
+from sepv.properties._orders.log_ode import path
+from sepv.reference.generator import moments
+
+import sepv
+from benchmarks.right_schemes import RIGHT
+from sepv.problem import Array, PolynomialSystem, Problem, drift, noise_vectors
+from sepv.problems import langevin_double_well, langevin_oscillator, langevin_pair
+from sepv.schemes import Scheme, by_name
+from sepv.simulate import areas
+from sepv.verification import Effort
+
+LOCAL = ("local-mean", "local-mean-square", "local-weak")
+
+
+def verdicts(scheme: Scheme, *laws: str) -> list[str]:
+    report = sepv.verify(scheme, laws=laws, effort=Effort(corpus=False, shrink_checks=0))
+    return [finding.verdict.text for finding in report.findings]
+
+
+def van_loan(problem: Problem, h: float) -> tuple[Array, Array]:
+    """E and the covariance of (ζ, ΔW, H), by the exponential of Van Loan (1978)."""
+    A, G = affine_slope(problem), noise_vectors(problem).T * problem.c
+    assert A is not None
+    d, m = G.shape
+    F = np.zeros((d + 2 * m, d + 2 * m))  # of (y, W, ∫W ds)
+    F[:d, :d], F[d + m :, d : d + m] = -A, np.eye(m)
+    noise = np.concatenate([G, np.eye(m), np.zeros((m, m))])
+    blocks = expm(h * np.block([[-F, noise @ noise.T], [np.zeros_like(F), F.T]]))
+    n = len(F)
+    covariance = blocks[n:, n:].T @ blocks[:n, n:]
+    to_area = np.eye(n)
+    to_area[d + m :, d : d + m], to_area[d + m :, d + m :] = -0.5 * np.eye(m), np.eye(m) / h
+    return np.linalg.solve(A, np.eye(d) - expm(-h * A)), to_area @ covariance @ to_area.T
+
+
+@pytest.mark.parametrize("h", [2.0, 0.25])
+@pytest.mark.parametrize("problem", [langevin_oscillator(2.0, 0.75, 0.5), langevin_pair()])
+def test_the_gaussian_step_has_the_joint_covariance_of_van_loan(problem: Problem, h: float) -> None:
+    E, joint = van_loan(problem, h)
+    d, m = problem.dimension, problem.noises
+    for asks, k in (("", m), ("space-time", 2 * m)):
+        step = gaussian_step(problem, h, asks)
+        rows = joint[d : d + k, d : d + k]
+        np.testing.assert_allclose(step.E, E, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(step.gain @ rows, joint[:d, d : d + k], rtol=0, atol=1e-13)
+        total = step.gain @ rows @ step.gain.T + step.rest @ step.rest.T
+        np.testing.assert_allclose(total, joint[:d, :d], rtol=0, atol=1e-13)
+    both = gaussian_step(problem, h, "halves")
+    rows = h / 2 * np.kron([[2.0, 1.0], [1.0, 1.0]], np.eye(m))  # of ΔW and its first half
+    total = both.gain @ rows @ both.gain.T + both.rest @ both.rest.T
+    np.testing.assert_allclose(both.E, E, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(total, joint[:d, :d], rtol=0, atol=1e-13)
+
+
+def test_what_increments_leave_open_keeps_its_digits_at_small_steps() -> None:
+    """⟨ζ_q²⟩ given ΔW is σ²h³/12 (1 + O(h)): 1e-19 of Var ζ, below its roundings."""
+    h = 2.0**-30
+    step = gaussian_step(langevin_oscillator(rate=0.5, temperature=3.0), h, "")
+    assert np.sum(step.rest[0] ** 2) == pytest.approx(2 * 0.5 * 3.0 * h**3 / 12, rel=4 * h)
+
+
+def test_the_exact_path_is_the_limit_of_the_log_ode_on_the_same_increments() -> None:
+    """The log-ODE with space-time areas has errors of O(δ²) on a path: a quarter at half of δ."""
+    problem, paths = langevin_pair(), range(64)
+    y0, rough = np.array(problem.initial), areas.drawn(3, T=1.0, steps=256, noises=2, paths=paths)
+    exact = gaussian_path(problem, y0, rough, 3, paths)
+    off = []
+    for steps in (32, 64):
+        apart = path(problem, y0, rough.coarse(steps), with_drift=True) - exact
+        off.append(np.sqrt(np.mean(apart**2)))
+    assert off[1] < 1e-4
+    assert off[0] / off[1] == pytest.approx(4.0, rel=0.15)
+
+
+def test_affine_drifts_are_told_from_others() -> None:
+    assert is_gaussian(langevin_pair())
+    assert not is_gaussian(langevin_double_well())
+    assert not is_gaussian(sepv.problems.harmonic_trap((1.0,)))
+
+
+def test_the_generator_has_the_friction() -> None:
+    problem, h = langevin_pair(), 0.0625
+    assert isinstance(problem.data, PolynomialSystem)
+    y0 = (0.5, -0.25, 1.0, 0.75)
+    rows = moments(problem.data, y0, exponents(4, 2), 9)
+    found = np.array([float(sum(v * Fraction(h) ** k for k, v in enumerate(row))) for row in rows])
+    E, joint = van_loan(problem, h)
+    mean = E @ drift(problem, np.array(y0))
+    second = joint[:4, :4] + np.outer(mean, mean)
+    np.testing.assert_allclose(found, [*mean, *second[np.triu_indices(4)]], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["baoab", "obabo", "gronbech-jensen-farago", "friction-euler-maruyama"])
+def test_one_step_has_the_orders_that_are_claimed(name: str) -> None:
+    assert verdicts(by_name(name), *LOCAL) == ["holds"] * 3
+
+
+def test_higher_claims_are_violated() -> None:
+    baoab, euler = by_name("baoab"), by_name("friction-euler-maruyama")
+    assert verdicts(replace(baoab, mean_square_order=1.5), *LOCAL)[1] == "violated"
+    assert verdicts(replace(baoab, weak_order=3), *LOCAL)[2] == "violated"
+    assert verdicts(replace(euler, weak_order=2), *LOCAL)[2] == "violated"
+
+
+def test_a_scheme_that_uses_areas_has_order_two_against_the_exact_paths() -> None:
+    right = RIGHT["mean-given-areas"]
+    assert verdicts(right, *LOCAL, "mean-square-order") == ["holds"] * 4
+    assert verdicts(replace(right, mean_square_order=2.5), *LOCAL)[1] == "violated"
+
+
+def test_a_noise_that_uses_the_area_with_the_wrong_sign_has_order_one() -> None:
+    right = RIGHT["mean-given-areas"]
+
+    def turned(problem: Problem, y: Array, h: float, dW: Array, bridge: Array) -> Array:
+        return right.step(problem, y, h, dW, -bridge)
+
+    assert verdicts(replace(right, step=turned), "mean-square-order") == ["violated"]
