@@ -94,10 +94,8 @@ def gaussian_step(problem: Problem, h: float, asks: str) -> GaussianStep:
         )
     E, a = _series(-h * A, noise_vectors(problem).T * problem.c)
     known = 2 if asks == "space-time" else 1
-    gain = [a[0], -np.sqrt(12.0) * a[1]][:known]
-    return GaussianStep(
-        problem, h * E, np.concatenate(gain, axis=1), np.sqrt(h) * np.concatenate(a[known:], axis=1)
-    )
+    gain = np.concatenate([a[0], -np.sqrt(12.0) * a[1]][:known], axis=1)
+    return GaussianStep(problem, h * E, gain, np.sqrt(h) * np.concatenate(a[known:], axis=1))
 
 
 def _series(x: Array, G: Array) -> tuple[Array, list[Array]]:
@@ -122,12 +120,10 @@ def gaussian_path(problem: Problem, y0: Array, rough: RoughPath, seed: int, path
     """
     step = gaussian_step(problem, rough.h, "space-time")
     N, d = len(rough.dW), problem.dimension
-    root = np.zeros((d, d))
-    R = np.linalg.qr(step.rest.T, mode="r")  # rest · ξ has the distribution of Rᵀξ
-    root[:, : len(R)] = R.T
+    _, R = np.linalg.qr(step.rest.T)  # rest · ξ has the distribution of Rᵀξ
     normals = wiener.increments(seed + _STREAM, T=float(N), steps=N, noises=d, paths=paths)
     y = np.repeat(y0[:, None], rough.dW.shape[2], axis=1)
     for increment, bridge, normal in zip(rough.dW, rough.bridges, normals, strict=True):
-        moved = step.gain @ np.concatenate([increment, bridge]) + root @ normal
+        moved = step.gain @ np.concatenate([increment, bridge]) + R.T @ normal[: len(R)]
         y = y + step.E @ drift(problem, y) + moved
     return y

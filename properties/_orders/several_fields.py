@@ -50,7 +50,7 @@ def ends(problem: Problem, y0: Array, T: float, W: Array) -> Array | None:
 
 
 def refined(
-    problem: Problem, y0: Array, T: float, steps: int, paths: range, seed: int, order: float, asks: str
+    problem: Problem, y0: Array, T: float, steps: int, paths: range, seed: int, order: float, asks: str = ""
 ) -> tuple[RoughPath, Array, float]:
     """Return the reference for fields that do not all commute: finer noise and areas, y(T) (d, M),
     rms error.
