@@ -46,7 +46,7 @@ _STREAM = 2**41
 
 def is_gaussian(problem: Problem) -> bool:
     """True for constant noise vectors and an affine drift."""
-    return len(noise_vectors(problem)) > 0 and affine_slope(problem) is not None
+    return len(noise_vectors(problem)) == problem.noises > 0 and affine_slope(problem) is not None
 
 
 def affine_slope(problem: Problem) -> Array | None:

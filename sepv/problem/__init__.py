@@ -31,12 +31,12 @@ from sepv.core.problem import field_jacobian as field_jacobian
 from sepv.core.problem import vector_field as vector_field
 from sepv.problem import _poisson as poisson
 from sepv.problem._channels import bracket, combined_field, noise_field
-from sepv.problem._channels import slope as channel_slope
 from sepv.problem._channels import column as column
 from sepv.problem._channels import commutes as commutes
 from sepv.problem._channels import drift as drift
 from sepv.problem._channels import hamiltonian_field as hamiltonian_field
 from sepv.problem._channels import ito_drift as ito_drift
+from sepv.problem._channels import slope as channel_slope
 from sepv.problem._checks import check_problem as check_problem
 from sepv.problem._checks import sample_states
 from sepv.problem._damped import DampedProblem as DampedProblem
