@@ -1,21 +1,20 @@
-"""One solver of a library for general noise: its documented orders by kind of noise, and its step.
+"""The problems on which a library's solvers for general noise are measured (`Peer.solvers`), and a
+solver as a scheme for them.
 
-The problems are systems with several Hamiltonians, one system for each kind of noise. A solver of
-Itô equations gets the system in Itô's form, which has the same solution. If a solver needs
-space-time Lévy areas or the areas A_ij besides increments, it gets them from the path that the
-reference solution uses (`sepv.simulate._areas`).
+The problems are systems with several Hamiltonians, one system for each kind of noise. If a solver
+needs space-time Lévy areas or the areas A_ij besides increments, it gets them from the path that
+the reference solution uses (`sepv.simulate._areas`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import lru_cache
 
 from sepv import problems
-from sepv.posing import Path
+from sepv.peers.peer import Solver
 from sepv.problem import Problem
-from sepv.schemes import Scheme, Step, Systems
+from sepv.schemes import Scheme, Systems
 
 # One system for each kind of noise. The systems are polynomial, so that the generator gives exact
 # means. They have no symmetry that would make errors vanish.
@@ -39,51 +38,20 @@ def problem_of(kind: str) -> Problem:
     return PROBLEMS[kind]()
 
 
-@dataclass(frozen=True)
-class Solver:
-    """A solver and its documentation.
-
-    Attributes
-    ----------
-    name : str
-        "library name".
-    documented : {kind of noise: (strong order, weak order)}
-        None if the documentation names no order; kinds that the solver does not take are left out.
-    source : str
-        The place in the documentation.
-    step : callable (kind of noise) -> step
-    ito : bool
-        True if the solver is documented for Itô's form.
-    asks : str
-        The areas that it needs, as for `Scheme`.
-    path : callable (kind of noise) -> path, optional
-        For a solver with a state of its own: (problem, y0, h, dW (N, m + k, M)) -> states (N + 1,
-        d, M).
+def scheme(solver: Solver, kind: str) -> Scheme:
+    """The solver's step as a scheme for the problem with this kind of noise;
+    it claims the documented orders.
     """
-
-    name: str
-    documented: Mapping[str, tuple[float | None, float | None]]
-    source: str
-    step: Callable[[str], Step]
-    ito: bool = False
-    asks: str = ""
-    batched: bool = True
-    path: Callable[[str], Path] | None = None
-
-    def scheme(self, kind: str) -> Scheme:
-        """The solver's step as a scheme for the problem with this kind of noise;
-        it claims the documented orders.
-        """
-        strong, weak = self.documented[kind]
-        return Scheme(
-            name=f"{self.name}, {kind}",
-            step=self.step(kind),
-            mean_square_order=strong,
-            weak_order=weak,
-            source=self.source,
-            truncation=None,
-            batched=self.batched,
-            systems=Systems.HAMILTONIANS,
-            asks=self.asks,
-            problems=(problem_of(kind),),
-        )
+    strong, weak = solver.documented[kind]
+    return Scheme(
+        name=f"{solver.name}, {kind}",
+        step=solver.step(kind),
+        mean_square_order=strong,
+        weak_order=weak,
+        source=solver.source,
+        truncation=None,
+        batched=solver.batched,
+        systems=Systems.HAMILTONIANS,
+        asks=solver.asks,
+        problems=(problem_of(kind),),
+    )

@@ -24,9 +24,11 @@ from sepv.properties._orders.several_fields import refined
 
 from benchmarks.peers.compliance_measurements import _text_of, release
 from benchmarks.peers.kept_measurements import Cell
-from benchmarks.peers.solver import KINDS, Solver, problem_of
+from benchmarks.peers.solver import KINDS, problem_of
+from benchmarks.peers.solver import scheme as scheme_for
 from sepv._version import __version__
 from sepv.law import Effort, Verdict
+from sepv.peers.peer import Solver
 from sepv.problem import Array, Problem, matvec, noise_field
 from sepv.problem._channels import slope as slope_of_channel
 from sepv.schemes import Scheme
@@ -82,7 +84,7 @@ def _local(solver: Solver, kind: str, effort: Effort) -> dict[str, Any]:
     """Slopes of the three local errors, infinite if all errors are rounding,
     and verdicts on the documented orders.
     """
-    report = verify(solver.scheme(kind), laws=list(LOCAL), effort=effort)
+    report = verify(scheme_for(solver, kind), laws=list(LOCAL), effort=effort)
     if report.interrupted:
         raise KeyboardInterrupt
     found: dict[str, Any] = {}
@@ -98,7 +100,7 @@ def _local(solver: Solver, kind: str, effort: Effort) -> dict[str, Any]:
 
 def _kept(solver: Solver, kind: str, law: str, effort: Effort) -> str:
     with np.errstate(over="ignore", invalid="ignore"):
-        report = verify(solver.scheme(kind), laws=[law], effort=effort)
+        report = verify(scheme_for(solver, kind), laws=[law], effort=effort)
     if report.interrupted:
         raise KeyboardInterrupt
     return report.finding(law).verdict.value
@@ -111,7 +113,7 @@ def _limit(solver: Solver, kind: str) -> dict[str, float]:
     λ is 0 for a solver that takes a as the drift of an Itô equation, and 1 for a solver of
     Stratonovich equations.
     """
-    problem, scheme = problem_of(kind), solver.scheme(kind)
+    problem, scheme = problem_of(kind), scheme_for(solver, kind)
     h, states = LIMIT_STEP, local_states(scheme, problem)
     nodes = rule_for(scheme, problem, h, rule_degree(scheme))
     y, _ = one_step(scheme, problem, states, h, nodes)
@@ -158,7 +160,7 @@ def _over_paths(solver: Solver, kind: str, seed: int) -> dict[str, Any]:
     """The order of paths as (estimate, low, high), rms errors,
     and the number of paths that failed at any step size.
     """
-    scheme, problem = solver.scheme(kind), problem_of(kind)
+    scheme, problem = scheme_for(solver, kind), problem_of(kind)
     count = PATHS if solver.batched else SINGLE
     rough, exact, doubt = _reference(kind, seed, count)
     with np.errstate(all="ignore"):

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +19,13 @@ from benchmarks.peers.compliance_measurements import LIBRARIES, release
 from benchmarks.peers.deviations import Deviation, deviations_shown_by
 from benchmarks.peers.kept_measurements import measured
 from benchmarks.peers.options import measuring, page_options, put
-from benchmarks.peers.solver import KINDS, Solver, problem_of
+from benchmarks.peers.solver import KINDS, problem_of
 from benchmarks.peers.solver_measurements import ALPHA, KEPT, STEPS, T, cells, limit_of, orders
 from sepv._version import __version__
 from sepv.console import Shown, markdown
+from sepv.errors import TargetError
 from sepv.law import Effort, Verdict
+from sepv.peers.peer import Solver, load
 
 COMMAND = "python -m benchmarks.peers.solvers"
 # Half-way to the next lower order, as in the laws about orders.
@@ -103,9 +104,9 @@ def lines(
     chosen: dict[str, tuple[Solver, ...]] = {}
     for library in libraries:
         try:
-            chosen[library] = import_module(f"benchmarks.peers.solvers_{library}").SOLVERS
-        except ModuleNotFoundError as error:
-            click.echo(f"{library} left out: no module named {error.name!r}", err=True)
+            chosen[library] = load(library).solvers
+        except TargetError as error:
+            click.echo(f"{library} left out: {error.received}", err=True)
     found = measured(
         [c for library, own in chosen.items() for s in own for c in cells(library, s, effort)], folder, shown
     )

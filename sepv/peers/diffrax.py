@@ -9,7 +9,7 @@ JAX computes in float64 only where its switch is on. JAX's own context manager t
 each call, for one thread; importing this module changes nothing in JAX.
 
 ShARK, SRA1 and SEA need additive noise, and the noise of (1.1) is not additive. ALIGN, ShOULD and
-QUICSORT are for Langevin dynamics. Older releases have fewer solvers: a missing one is None here,
+QUICSORT are for Langevin dynamics. Older releases have fewer solvers: a missing one is left out,
 and its name is in `PEER.absent`.
 
 In a comparison all paths are one state (d, M) and one compiled loop over given increments. All
@@ -21,7 +21,7 @@ noise term, and jax.vmap joins the paths.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from operator import itemgetter
 from typing import Any
@@ -33,10 +33,10 @@ import numpy as np
 
 from sepv.peers._diffrax_ode import INTEGRATORS
 from sepv.peers._jax import enable_x64
-from sepv.peers.peer import Peer
-from sepv.posing import LANES, Formulas, in_blocks, pose, size
-from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.schemes import Scheme, StatefulStep
+from sepv.peers.peer import Peer, Solver
+from sepv.posing import LANES, OneField, Path, in_blocks, pose_fields, pose_one_field
+from sepv.problem import Array, Problem, is_several
+from sepv.schemes import Scheme, StatefulStep, Step
 from sepv.studies import Method, from_states
 
 
@@ -72,98 +72,124 @@ def _space_time_area(h: Any, dW: Any) -> Any:
     return jnp.sqrt(h / 12) * jax.random.normal(key, dW.shape, dtype=dW.dtype)
 
 
-def _terms(formulas: Formulas, arrays: Any, c: Any, control: _Given) -> Any:
-    """The right side of a step in diffrax's form: the drift f = B∇H,
-    and noise fields c_j f as columns (d, m).
+# The solvers of additive noise want noise fields that do not use y, which JAX sees in the formulas.
+_ADDITIVE = ("ShARK", "SRA1", "SEA")
+
+
+def _terms(solver: Any, fields: Any, numbers: Any, control: _Given) -> Any:
+    """The right side of a step in diffrax's form: the drift, and the noise fields as columns
+    (d, m).
     """
 
     def drift(_t: Any, y: Any, _args: Any) -> Any:
-        return formulas.field(jnp, arrays, y)
+        return fields.drift(jnp, numbers, y)
 
-    def noise(t: Any, y: Any, args: Any) -> Any:
-        return jnp.outer(drift(t, y, args), c)
+    def noise(_t: Any, y: Any, _args: Any) -> Any:
+        at = jnp.zeros(y.shape, y.dtype) if type(solver).__name__ in _ADDITIVE else y
+        return fields.noise(jnp, numbers, at).T
 
     return diffrax.MultiTerm(diffrax.ODETerm(drift), diffrax.ControlTerm(noise, control))
 
 
-def _one_step(
-    solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any, state: Any
-) -> Any:
+def _takes_areas(solver: Any) -> bool:
+    """True for stochastic Runge-Kutta methods, which need a space-time Lévy area beside dW."""
+    return isinstance(solver, getattr(diffrax, "AbstractSRK", ()))
+
+
+def _one_step(solver: Any, fields: Any, numbers: Any, h: Any, y: Any, rows: Any, state: Any) -> Any:
     """One step of a solver: y_next and the solver's state after it. If `state` is None,
     the solver starts anew.
+
+    The rows are dW (m,), and below them the space-time area H (m,). If it is left out, it is drawn
+    for a solver that needs it.
     """
-    levy = isinstance(solver, getattr(diffrax, "AbstractSRK", ()))
-    terms = _terms(formulas, arrays, c, _Given(dW, _space_time_area(h, dW) if levy else dW))
-    t0 = jnp.zeros_like(h)
+    dW, H = rows[: fields.noises], rows[fields.noises :]
+    if _takes_areas(solver) and not len(H):
+        H = _space_time_area(h, dW)
+    terms, t0 = _terms(solver, fields, numbers, _Given(dW, H)), jnp.zeros_like(h)
     if state is None:
         state = solver.init(terms, t0, h, y, None)
     y_next, _error, _dense, state, _result = solver.step(terms, t0, h, y, None, state, made_jump=False)
     return y_next, state
 
 
-@partial(jax.jit, static_argnames=("solver", "formulas"))
-def _steps(solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any) -> Any:
-    """One step from each of L states: y (d, L) with increments dW (m, L)."""
+@partial(jax.jit, static_argnames=("solver", "fields"))
+def _steps(solver: Any, fields: Any, numbers: Any, h: Any, y: Any, rows: Any) -> Any:
+    """One step from each of L states: y (d, L) with rows (m or 2m, L)."""
 
-    def lane(y: Any, dW: Any) -> Any:
-        return _one_step(solver, formulas, arrays, c, h, y, dW, None)[0]
+    def lane(y: Any, rows: Any) -> Any:
+        return _one_step(solver, fields, numbers, h, y, rows, None)[0]
 
-    return jax.vmap(lane, in_axes=1, out_axes=1)(y, dW), None
+    return jax.vmap(lane, in_axes=1, out_axes=1)(y, rows), None
 
 
-@partial(jax.jit, static_argnames=("solver", "formulas", "keep"))
+@partial(jax.jit, static_argnames=("solver", "fields", "keep"))
 def _paths(
-    solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any, keep: bool = True
+    solver: Any, fields: Any, keep: bool, numbers: Any, h: Any, y: Any, rows: Any, _H: Any = None
 ) -> Any:
-    """L whole paths, in which the solver keeps its state: y (d, L), dW (N, m, L) -> (N, d, L),
-    or the last states.
+    """L whole paths, in which the solver keeps its state: y (d, L), rows (N, m, L) -> (N, d, L),
+    or the last states. Each is solved alone with a drift term and a noise term, and jax.vmap joins
+    them, as in diffrax's examples.
     """
 
-    def lane(y: Any, dW: Any) -> Any:
-        def advance(carry: Any, dW: Any) -> Any:
-            carry = _one_step(solver, formulas, arrays, c, h, carry[0], dW, carry[1])
+    def lane(y: Any, rows: Any) -> Any:
+        def advance(carry: Any, rows: Any) -> Any:
+            carry = _one_step(solver, fields, numbers, h, carry[0], rows, carry[1])
             return carry, carry[0] if keep else None
 
-        first = _one_step(solver, formulas, arrays, c, h, y, dW[0], None)
-        last, rest = jax.lax.scan(advance, first, dW[1:])
+        first = _one_step(solver, fields, numbers, h, y, rows[0], None)
+        last, rest = jax.lax.scan(advance, first, rows[1:])
         return jnp.concatenate([first[0][None], rest]) if keep else last[0]
 
-    return jax.vmap(lane, in_axes=(1, 2), out_axes=-1)(y, dW)
+    return jax.vmap(lane, in_axes=(1, 2), out_axes=-1)(y, rows)
 
 
-_next = jax.jit(_one_step, static_argnames=("solver", "formulas"))
+_next = jax.jit(_one_step, static_argnames=("solver", "fields"))
 
 
 def _wide(rows: Array, count: int) -> Array:
-    """Pad an array (…, n, L) or (n,) with zeros, so that n becomes `count`."""
-    axis = max(rows.ndim - 2, 0)
-    missing = (*rows.shape[:axis], count - rows.shape[axis], *rows.shape[axis + 1 :])
-    return np.concatenate([rows, np.zeros(missing)], axis=axis)
+    """Pad an array (n, L) or (n,) with zeros, so that n becomes `count`."""
+    return np.concatenate([rows, np.zeros((count - len(rows), *rows.shape[1:]))])
 
 
 def _call(
-    program: Any, solver: Any, problem: Problem, y: Array, h: float, dW: Array, *state: Any
+    program: Any, solver: Any, posed: Any, y: Array, h: float, rows: Array, *state: Any
 ) -> tuple[Any, Any]:
-    """Run a compiled `program` in float64 on y (d, L), dW (m, L) or (d,), (m,);
+    """Run a compiled `program` in float64 on y (d, L), rows (m or 2m, L) or (d,), (m,);
     return y_next and solver state.
     """
-    formulas, numbers = pose(problem, wide=True)
-    d, m = problem.dimension, problem.noises
-    if formulas.kind == "polynomial":
-        y, dW = _wide(y, formulas.width), _wide(dW, size(m, 4))
-    c = _wide(problem.c, dW.shape[0])
+    (fields, numbers), d = posed, len(y)
+    if fields.width:
+        y, rows = _wide(y, fields.width), _wide(rows, fields.noises)
     with enable_x64(True):
-        y_next, own = program(solver, formulas, numbers, c, np.float64(h), y, dW, *state)
+        y_next, own = program(solver, fields, numbers, np.float64(h), y, rows, *state)
         return np.asarray(y_next)[:d], own
 
 
-def _step_by(solver: Any) -> Callable[[Problem, Array, float, Array], Array]:
-    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+def _posed(problem: Problem, ito: bool = False) -> Any:
+    """The fields of a problem with several Hamiltonians, or else of (1.1), and its numbers."""
+    return pose_fields(problem, ito=ito) if is_several(problem) else pose_one_field(problem, wide=True)
+
+
+def _step_by(solver: Any, ito: bool = False) -> Step:
+    def step(problem: Problem, y: Array, h: float, dW: Array, H: Array | None = None) -> Array:
+        posed, rows = _posed(problem, ito), dW if H is None else np.concatenate([dW, H])
         # The laws step one state of each random problem, and batches of the paper's problems.
-        lanes = 1 if isinstance(problem.data, PolynomialSystem) else LANES
-        return in_blocks(lambda y, dW: _call(_steps, solver, problem, y, h, dW)[0], y, dW, lanes)
+        lanes = 1 if posed[0].width else LANES
+        return in_blocks(lambda y, rows: _call(_steps, solver, posed, y, h, rows)[0], y, rows, lanes)
 
     return step
+
+
+def _path_by(solver: Any) -> Path:
+    def path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
+        fields, numbers = pose_fields(problem)
+        start = np.repeat(y0[:, None], dW.shape[2], axis=1)
+        with enable_x64(True):
+            states = np.asarray(_paths(solver, fields, True, numbers, np.float64(h), start, dW))
+        return np.concatenate([start[None], states])
+
+    return path
 
 
 def _stateful(solver: Any) -> StatefulStep:
@@ -172,39 +198,66 @@ def _stateful(solver: Any) -> StatefulStep:
     """
 
     def step(problem: Problem, state: tuple[Array, Any], h: float, dW: Array) -> tuple[Array, Any]:
-        return _call(_next, solver, problem, state[0], h, dW, state[1])
+        return _call(_next, solver, _posed(problem), state[0], h, dW, state[1])
 
     return StatefulStep(lambda _, y: (y, None), step, itemgetter(0))
 
 
-_absent: list[str] = []
+def _orders(general: float, commutative: float, additive: float, weak: Mapping[str, float]) -> Any:
+    """Strong and weak orders by kind of noise; one noise counts as commutative."""
+    strong = {"general": general, "commutative": commutative, "one": commutative, "additive": additive}
+    return {kind: (p, weak.get(kind, 1.0)) for kind, p in strong.items()}
 
 
-def _scheme(name: str, order: float, weak: float = 1.0, batched: bool = True) -> Any:
-    """The diffrax solver called `name` as a `Scheme` of strong order `order`;
-    None if this release does not have it.
-    """
-    make = getattr(diffrax, name, None)
-    if make is None:
-        _absent.append(name)
-        return None
+_HIGH = {"additive": 2.0}
+_HIGHER = {"commutative": 2.0, "one": 2.0, "additive": 2.0}
+# Strong and weak orders as the table of diffrax's documentation states them.
+DOCUMENTED: dict[str, Any] = {
+    "Euler": _orders(0.5, 0.5, 1.0, {}),
+    "EulerHeun": _orders(0.5, 0.5, 1.0, {}),
+    "Heun": _orders(0.5, 1.0, 1.0, {}),
+    "Midpoint": _orders(0.5, 1.0, 1.0, {}),
+    "Ralston": _orders(0.5, 1.0, 1.0, {}),
+    "ItoMilstein": _orders(0.5, 1.0, 1.0, {}),
+    "StratonovichMilstein": _orders(0.5, 1.0, 1.0, {}),
+    "ReversibleHeun": _orders(0.5, 1.0, 1.0, {}),
+    "SPaRK": _orders(0.5, 1.0, 1.5, _HIGH),
+    "GeneralShARK": _orders(0.5, 1.0, 1.5, _HIGH),
+    "SlowRK": _orders(0.5, 1.5, 1.5, _HIGHER),
+    "ShARK": {"additive": (1.5, 2.0)},
+    "SRA1": {"additive": (1.5, 2.0)},
+    "SEA": {"additive": (1.0, 1.0)},
+}
+_SOURCE = 'diffrax, "SDE solver table"'
+
+
+def _solver(name: str) -> Solver:
+    made = getattr(diffrax, name)()
+    step, path = _step_by(made, name in ("Euler", "ItoMilstein")), _path_by(made)
+    return Solver(
+        name=f"diffrax {name}",
+        documented=DOCUMENTED[name],
+        source=f"{_SOURCE} (docs.kidger.site/diffrax/devdocs/SDE_solver_table)",
+        step=lambda _kind: step,
+        ito=name in ("Euler", "ItoMilstein"),
+        asks="space-time" if _takes_areas(made) else "",
+        # The solver's state holds a second solution beside y.
+        path=(lambda _kind: path) if name == "ReversibleHeun" else None,
+    )
+
+
+# Solvers that an older release lacks are left out.
+SOLVERS = {name: _solver(name) for name in DOCUMENTED if hasattr(diffrax, name)}
+
+
+def _scheme(solver: Solver, name: str) -> Scheme:
+    """A solver as a `Scheme` for the laws, of the order documented for commutative noise."""
+    strong, weak = DOCUMENTED[name]["commutative"]
     return Scheme(
-        name=f"diffrax {name}", step=_step_by(make()) if batched else _stateful(make()), mean_square_order=order,
-        source=f'diffrax, "SDE solver table": order {order:g} strong and {weak:g} weak for commutative noise',
-        weak_order=weak, truncation=None, batched=batched,
+        name=solver.name, step=_stateful(getattr(diffrax, name)()) if solver.path else solver.step("one"),
+        mean_square_order=strong, weak_order=weak, truncation=None, batched=solver.path is None,
+        source=f"{_SOURCE}: order {strong:g} strong and {weak:g} weak for commutative noise",
     )  # fmt: skip
-
-
-euler_heun = _scheme("EulerHeun", 0.5)
-heun = _scheme("Heun", 1.0)
-midpoint = _scheme("Midpoint", 1.0)
-ralston = _scheme("Ralston", 1.0)
-milstein = _scheme("StratonovichMilstein", 1.0)
-spark = _scheme("SPaRK", 1.0)
-general_shark = _scheme("GeneralShARK", 1.0)
-slow_rk = _scheme("SlowRK", 1.5, 2.0)
-# The solver's state holds a second solution beside y.
-reversible_heun = _scheme("ReversibleHeun", 1.0, batched=False)
 
 
 class _Field(diffrax.AbstractTerm):
@@ -257,32 +310,25 @@ def _batched(solver: Any, terms: Any, h: Any, y: Any, more: Any, keep: bool) -> 
     return states if keep else y
 
 
-@partial(jax.jit, static_argnames=("solver", "formulas", "keep"))
+@partial(jax.jit, static_argnames=("solver", "fields", "keep"))
 def _on_the_clock(
-    solver: Any, formulas: Formulas, keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, _H: Any
+    solver: Any, fields: OneField, keep: bool, numbers: Any, h: Any, y: Any, dW: Any, _H: Any
 ) -> Any:
     """Paths of dy = f(y)∘dθ in the random time θ = t + Σ c_j W_j,
     by a solver of ordinary differential equations.
     """
-
-    def vector(y: Any) -> Any:
-        return formulas.field(jnp, arrays, y)
-
+    vector = partial(fields.drift, jnp, numbers)
     return _batched(
-        solver, lambda delta: _Field(vector, delta), h, y, h + jnp.einsum("j,njl->nl", c, dW), keep
+        solver, lambda delta: _Field(vector, delta), h, y, h + jnp.einsum("j,njl->nl", numbers[0], dW), keep
     )
 
 
-@partial(jax.jit, static_argnames=("solver", "formulas", "keep"))
-def _apart(
-    solver: Any, formulas: Formulas, keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, H: Any
-) -> Any:
+@partial(jax.jit, static_argnames=("solver", "fields", "keep"))
+def _apart(solver: Any, fields: OneField, keep: bool, numbers: Any, h: Any, y: Any, dW: Any, H: Any) -> Any:
     """Paths with a drift term and a noise term, in one batch; the one noise is Σ c_j W_j,
     which drives f.
     """
-
-    def vector(y: Any) -> Any:
-        return formulas.field(jnp, arrays, y)
+    vector, c = partial(fields.drift, jnp, numbers), numbers[0]
 
     def terms(slice_: Any) -> Any:
         drift = diffrax.ODETerm(lambda _t, y, _args: vector(y))
@@ -294,26 +340,17 @@ def _apart(
     )
 
 
-def _vmapped(solver: Any, formulas: Formulas, keep: bool, *given: Any) -> Any:
-    """Paths with a drift term and a noise term, each solved alone and joined by jax.vmap,
-    as in diffrax's examples.
-    """
-    return _paths(solver, formulas, *given[:-1], keep=keep)
-
-
 def _method(name: str, solver: Any, program: Any, evaluations: float | None, how: str) -> Method:
     def run(problem: Problem, y0: Array, h: float, dW: Array, keep: bool) -> Callable[[], Array]:
-        formulas, numbers = pose(problem, padded=False)
+        fields, numbers = pose_one_field(problem)
         start = np.repeat(y0[:, None], dW.shape[2], axis=1)
         H = np.sqrt(h / 12) * np.random.default_rng(0).standard_normal(dW.shape)
         with enable_x64(True):
-            given = jax.tree.map(
-                jnp.asarray, (numbers, problem.c, np.float64(h), start, np.ascontiguousarray(dW), H)
-            )
+            given = jax.tree.map(jnp.asarray, (numbers, np.float64(h), start, np.ascontiguousarray(dW), H))
 
         def call() -> Array:
             with enable_x64(True):
-                states = np.asarray(program(solver, formulas, keep, *given))
+                states = np.asarray(program(solver, fields, keep, *given))
             return np.concatenate([start[None], states]) if keep else states[None]
 
         return call
@@ -335,23 +372,27 @@ _DRIVEN = {
     "euler-heun": ("EulerHeun", _apart, None, _APART),
     "spark": ("SPaRK", _apart, None, _APART),
     "slow-rk": ("SlowRK", _apart, None, _APART),
-    "heun-vmap": ("Heun", _vmapped, None, _VMAP),
-    "dopri8-vmap": ("Dopri8", _vmapped, None, _VMAP),
+    "heun-vmap": ("Heun", _paths, None, _VMAP),
+    "dopri8-vmap": ("Dopri8", _paths, None, _VMAP),
 }
-_SCHEMES = {
-    "euler-heun": euler_heun, "heun": heun, "midpoint": midpoint, "ralston": ralston, "milstein": milstein,
-    "spark": spark, "general-shark": general_shark, "slow-rk": slow_rk, "reversible-heun": reversible_heun,
+# The names of the schemes for the laws.
+_NAMES = {
+    "euler-heun": "EulerHeun", "heun": "Heun", "midpoint": "Midpoint", "ralston": "Ralston",
+    "milstein": "StratonovichMilstein", "spark": "SPaRK", "general-shark": "GeneralShARK", "slow-rk": "SlowRK",
+    "reversible-heun": "ReversibleHeun",
 }  # fmt: skip
+_SCHEMES = {key: _scheme(SOLVERS[name], name) for key, name in _NAMES.items() if name in SOLVERS}
 
 PEER = Peer(
     library="diffrax",
-    schemes={name: scheme for name, scheme in _SCHEMES.items() if scheme is not None},
+    schemes=_SCHEMES,
     methods={
         name: _method(f"diffrax-{name}", getattr(diffrax, solver)(), *driver)
         for name, (solver, *driver) in _DRIVEN.items()
         if hasattr(diffrax, solver)
     },
-    drawing=tuple(scheme for scheme in (spark, general_shark, slow_rk) if scheme is not None),
-    absent=tuple(_absent),
+    drawing=tuple(s for key, s in _SCHEMES.items() if SOLVERS[_NAMES[key]].asks),
+    absent=tuple(name for name in _NAMES.values() if name not in SOLVERS),
     integrators=INTEGRATORS,
+    solvers=tuple(SOLVERS.values()),
 )

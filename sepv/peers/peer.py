@@ -13,7 +13,7 @@ hyphen and the solver's name.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import metadata
 from importlib.util import find_spec
@@ -22,11 +22,48 @@ from typing import Any, TypeVar
 
 from sepv._arguments import did_you_mean, optional
 from sepv.errors import TargetError, UnknownTarget, unknown_name
-from sepv.schemes import PathSolver, Scheme
+from sepv.posing import Path as WholePath
+from sepv.schemes import PathSolver, Scheme, Step
 from sepv.studies import Method
 
 GROUP = "sepv.peers"
 _Kind = TypeVar("_Kind")
+
+
+@dataclass(frozen=True)
+class Solver:
+    """A solver for general noise and its documentation. A solver of Itô equations gets the system
+    in Itô's form, which has the same solution.
+
+    Attributes
+    ----------
+    name : str
+        "library name".
+    documented : {kind of noise: (strong order, weak order)}
+        The kinds are those of `sepv.problem.column`. An order is None if the documentation names
+        none; kinds that the solver does not take are left out.
+    source : str
+        The place in the documentation.
+    step : callable (kind of noise) -> step
+    ito : bool
+        True if the solver is documented for Itô's form.
+    asks : str
+        The areas that it needs, as for `Scheme`.
+    batched : bool
+        True if the step takes a batch, as for `Scheme`.
+    path : callable (kind of noise) -> path, optional
+        For a solver with a state of its own: (problem, y0, h, dW (N, m + k, M)) -> states (N + 1,
+        d, M).
+    """
+
+    name: str
+    documented: Mapping[str, tuple[float | None, float | None]]
+    source: str
+    step: Callable[[str], Step]
+    ito: bool = False
+    asks: str = ""
+    batched: bool = True
+    path: Callable[[str], WholePath] | None = None
 
 
 @dataclass(frozen=True)
@@ -47,6 +84,9 @@ class Peer:
         Solvers that the installed release lacks.
     integrators : dict of str to Scheme
         Integrators of mechanical systems without noise, one step at a time, for the laws.
+    solvers : tuple of Solver
+        All solvers for general noise, with their documented orders, of which
+        `benchmarks.peers.solvers` makes a page.
     """
 
     library: str
@@ -55,6 +95,7 @@ class Peer:
     drawing: tuple[Scheme, ...] = ()
     absent: tuple[str, ...] = ()
     integrators: Mapping[str, Scheme] = field(default_factory=dict)
+    solvers: tuple[Solver, ...] = ()
 
     def drivers(self) -> dict[str, Method | None]:
         """The solvers of whole paths for `sepv compare`: `methods`,

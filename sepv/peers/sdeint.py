@@ -9,81 +9,124 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 import sdeint
 
 from sepv.errors import StepFailure
-from sepv.peers.peer import Peer
-from sepv.problem import Array, Problem, vector_field
-from sepv.schemes import PathSolver, Scheme, Step
+from sepv.peers.peer import Peer, Solver
+from sepv.problem import Array, Problem, is_several, ito_drift, noise_field, vector_field
+from sepv.schemes import PathSolver, Scheme, Step, as_matrix, as_rows
 from sepv.studies import from_states
+
+# The names of the arguments that take repeated integrals.
+_INTEGRALS = {"itoSRI2": "I", "stratSRS2": "J", "stratKP2iS": "J"}
+# Options of single steps and of paths of several Hamiltonians. stratKP2iS solves its equation to
+# 1e-4 by default, which would hide an order.
+_SOLVED = {"stratKP2iS": {"rtol": 1e-12}}
 
 
 def _integrate(
-    integrator: Callable[..., Any], problem: Problem, y: Array, h: float, dW: Array, **more: Any
+    integrator: Callable[..., Any], ito: bool, problem: Problem, y: Array, h: float, rows: Array, **more: Any
 ) -> Array:
-    """Return states (N + 1, d) by an integrator of sdeint from y (d,), with increments dW (N, m)
-    and fields c_j f.
+    """States (N + 1, d) of one path by an integrator of sdeint from y (d,), with rows (N, m + k) of
+    increments and Lévy areas A_ij, i < j. Areas that are left out are zero; for one common field f
+    they drop out.
+
+    The repeated integrals are J_ij = ∫W_i ∘dW_j = ½ΔW_iΔW_j + A_ij, and Itô's are
+    I_ij = J_ij − ½h δ_ij.
     """
+    m = problem.noises
+    dW = np.ascontiguousarray(rows[:, :m])
+    if name := _INTEGRALS.get(integrator.__name__):
+        more[name] = 0.5 * dW[:, :, None] * dW[:, None, :] - 0.5 * h * ito * np.eye(m)
+        if rows.shape[1] > m:
+            more[name] += np.stack([as_matrix(row, m) for row in rows[:, m:]])
 
     def drift(state: Array, _time: float) -> Array:
-        return vector_field(problem, state)
+        return np.asarray((ito_drift if ito else vector_field)(problem, state))
 
     def noise(state: Array, _time: float) -> Array:
-        return np.outer(vector_field(problem, state), problem.c)
+        if not is_several(problem):
+            return np.outer(vector_field(problem, state), problem.c)
+        return np.stack([c * noise_field(problem, j, state) for j, c in enumerate(problem.c)], axis=1)
 
-    times = np.arange(len(dW) + 1) * h
-    return np.asarray(integrator(drift, noise, y, times, dW=dW, **more))
+    return np.asarray(integrator(drift, noise, y, np.arange(len(dW) + 1) * h, dW=dW, **more))
 
 
-def _step_by(integrator: Callable[..., Any], integrals: bool) -> Step:
-    """Make a step of sdeint's integrator over (0, h); with `integrals`,
-    the integrator gets J_ij = ∫∫∘dW_i∘dW_j.
-    """
+def _step_by(integrator: Callable[..., Any], ito: bool) -> Step:
+    """Make a step of sdeint's integrator over (0, h), which may be given Lévy areas."""
+    more = _SOLVED.get(integrator.__name__, {})
 
-    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        row = dW.reshape(1, -1)
-        more = {"J": _repeated_integrals(row)} if integrals else {}
-        return np.asarray(_integrate(integrator, problem, y, h, row, **more)[-1])
+    def step(problem: Problem, y: Array, h: float, dW: Array, areas: Array | None = None) -> Array:
+        rows = dW if areas is None else np.concatenate([dW, as_rows(areas)])
+        return np.asarray(_integrate(integrator, ito, problem, y, h, rows[None], **more)[-1])
 
     return step
 
 
-def _repeated_integrals(dW: Array) -> Array:
-    """The integrals J_ij = ½ΔW_iΔW_j, (N, m, m), without Lévy areas,
-    which drop out for one common field f.
-    """
-    return 0.5 * dW[:, :, None] * dW[:, None, :]
-
-
-def _kp2is_path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
+def _kp2is_path(problem: Problem, y0: Array, h: float, dW: Array, **more: Any) -> Array:
     """The states (N + 1, d, 1) of one path by sdeint's KP2iS.
     Raises StepFailure if sdeint reports an unsolved step.
     """
-    increments = dW[:, :, 0]
     try:
         # scipy warns before sdeint raises.
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
-            more = {"J": _repeated_integrals(increments)}
-            return _integrate(sdeint.stratKP2iS, problem, y0, h, increments, **more)[:, :, None]
+            return _integrate(sdeint.stratKP2iS, False, problem, y0, h, dW[:, :, 0], **more)[:, :, None]
     except RuntimeError as error:
         raise StepFailure(f"sdeint: {error}".partition(" with args")[0]) from error
 
 
-def _scheme(integrator: Callable[..., Any], source: str, integrals: bool = False) -> Scheme:
-    name, step = f"sdeint {integrator.__name__}", _step_by(integrator, integrals)
-    return Scheme(name=name, step=step, mean_square_order=1.0, source=source, truncation=None)
+def _kp2is_paths(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
+    """States (N + 1, d, M) of paths of several Hamiltonians; NaN where a step is unsolved."""
+    found = np.full((len(dW) + 1, y0.size, dW.shape[2]), np.nan)
+    for lane in range(dW.shape[2]):
+        with suppress(StepFailure):
+            found[:, :, [lane]] = _kp2is_path(problem, y0, h, dW[:, :, [lane]], **_SOLVED["stratKP2iS"])
+    return found
 
 
-strat_heun = _scheme(sdeint.stratHeun, "sdeint.stratHeun; order 1 because all noises drive one field")
-strat_srs2 = _scheme(sdeint.stratSRS2, "sdeint.stratSRS2: order 1.0 strong convergence", integrals=True)
-# A two-step method starts with another, explicit step. So its paths are computed from their start.
-strat_kp2is = Scheme(
-    name="sdeint stratKP2iS", step=PathSolver(_kp2is_path), mean_square_order=1.0, truncation=None,
-    source="sdeint.stratKP2iS: two-step implicit order 1.0 strong algorithm",
-)  # fmt: skip
+def _solver(name: str, strong: float | None, source: str) -> Solver:
+    ito = name.startswith("ito")
+    step = _step_by(getattr(sdeint, name), ito)
+    return Solver(
+        name=f"sdeint {name}",
+        documented=dict.fromkeys(("general", "commutative", "one", "additive"), (strong, None)),
+        source=f"sdeint 0.3, README: {source}",
+        step=lambda _kind: step,
+        ito=ito,
+        asks="areas" if name in _INTEGRALS else "",
+        batched=False,
+        # A two-step method starts with another, explicit step. So its paths are computed from their
+        # start.
+        path=(lambda _kind: _kp2is_paths) if name == "stratKP2iS" else None,
+    )
+
+
+_TWO_STEPS = "two-step implicit order 1.0 strong"
+SOLVERS = (
+    _solver("itoEuler", None, "no order is stated"),
+    _solver("itoSRI2", 1.0, '"order 1.0 strong"; its docstring: for an arbitrary noise matrix'),
+    _solver("stratHeun", None, "no order is stated"),
+    _solver("stratSRS2", 1.0, '"order 1.0 strong"; its docstring: for an arbitrary noise matrix'),
+    _solver("stratKP2iS", 1.0, f'"{_TWO_STEPS}"; its docstring: the noise need not commute'),
+)
+
+
+def _scheme(name: str, source: str) -> Scheme:
+    (solver,) = (each for each in SOLVERS if each.name == f"sdeint {name}")
+    step = PathSolver(_kp2is_path) if solver.path else solver.step("one")
+    source = f"sdeint.{name}{source}"
+    return Scheme(name=solver.name, step=step, mean_square_order=1.0, source=source, truncation=None)
+
+
+_SCHEMES = {
+    "strat-heun": _scheme("stratHeun", "; order 1 because all noises drive one field"),
+    "strat-srs2": _scheme("stratSRS2", ": order 1.0 strong convergence"),
+    "strat-kp2is": _scheme("stratKP2iS", f": {_TWO_STEPS} algorithm"),
+}
 
 
 def _run(problem: Problem, y0: Array, h: float, dW: Array, _keep: bool) -> Callable[[], Array]:
@@ -106,8 +149,9 @@ _DRIVEN = f"sdeint {sdeint.__version__} stratHeun, path by path"
 
 PEER = Peer(
     library="sdeint",
-    schemes={"strat-heun": strat_heun, "strat-srs2": strat_srs2, "strat-kp2is": strat_kp2is},
+    schemes=_SCHEMES,
     methods={
         "heun": from_states("sdeint-heun", _run, _DRIVEN, batched=False, evaluations=4, called_each_step=True)
     },
+    solvers=SOLVERS,
 )

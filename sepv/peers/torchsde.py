@@ -12,7 +12,9 @@ comparison all paths are one batch of `torchsde.sdeint` over the whole interval.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
 
@@ -21,43 +23,42 @@ import torch
 import torchsde
 
 from sepv.errors import Skipped
-from sepv.peers.peer import Peer
-from sepv.posing import LANES, in_blocks, pose
+from sepv.peers.peer import Peer, Solver
+from sepv.posing import LANES, Path, in_blocks, pose_fields, pose_one_field
 from sepv.problem import Array, Problem
-from sepv.schemes import Scheme, StatefulStep
+from sepv.schemes import Scheme, StatefulStep, Step, as_matrix, as_rows
 from sepv.studies import Method, from_states
+
+# torchsde's noise types by kind of noise. No problem has the diagonal type, because a Hamiltonian
+# field B∇H_j moves several components.
+_NOISE_TYPES = {"general": "general", "commutative": "general", "one": "scalar", "additive": "additive"}
 
 
 class _System(torch.nn.Module):
-    """The system dy = f dt + Σ_j weights_j f ∘dW_j in torchsde's interface, for L states y
-    (L, d).
-    """
+    """Drift (L, d) and noise (L, d, m) of L states y (L, d), in torchsde's interface."""
 
-    sde_type = "stratonovich"
-
-    def __init__(self, problem: Problem, weights: Any, noise_type: str) -> None:
+    def __init__(self, fields: Any, numbers: Any, noise_type: str, ito: bool = False) -> None:
         super().__init__()
-        self.weights, self.noise_type = weights, noise_type
-        self.formulas, numbers = pose(problem, padded=False)
-        self.numbers = tuple(torch.as_tensor(a) for a in numbers)
+        self.sde_type, self.noise_type = "ito" if ito else "stratonovich", noise_type
+        self.fields, self.numbers = fields, tuple(torch.as_tensor(a) for a in numbers)
 
     def f(self, _t: Any, y: Any) -> Any:
-        return self.formulas.field(torch, self.numbers, y.T).T
+        return self.fields.drift(torch, self.numbers, y.T).T
 
-    def g(self, t: Any, y: Any) -> Any:
-        return self.f(t, y)[:, :, None] * self.weights
+    def g(self, _t: Any, y: Any) -> Any:
+        return self.fields.noise(torch, self.numbers, y.T).permute(2, 1, 0)
 
 
 class Given(torchsde.BaseBrownian):
     """A Brownian motion with given increments (N, L, m) over N equal steps of length h,
-    and no Lévy area.
+    space-time areas (N, L, m) and Lévy areas (N, L, m, m). Areas that are not given are zero.
     """
 
     levy_area_approximation = "foster"
     dtype, device = torch.float64, torch.device("cpu")
 
-    def __init__(self, increments: Any, h: float) -> None:
-        self.increments, self.h = increments, h
+    def __init__(self, increments: Any, h: float, spacetime: Any = None, areas: Any = None) -> None:
+        self.increments, self.h, self.spacetime, self.areas = increments, h, spacetime, areas
 
     @property
     def shape(self) -> Any:
@@ -68,48 +69,89 @@ class Given(torchsde.BaseBrownian):
         return f"given increments of shape {tuple(self.increments.shape)}"
 
     def __call__(self, ta: Any, tb: Any = None, return_U: bool = False, return_A: bool = False) -> Any:
-        """The increment of the step that starts at time ta; if `return_A`, also Lévy areas,
-        which are zero.
+        """The increment of the step that starts at time ta; if `return_U`, also the integral of W
+        over it, and if `return_A`, also its Lévy areas.
         """
-        del tb, return_U
-        dW = self.increments[round(float(ta) / self.h)]
-        return (dW, dW.new_zeros((*dW.shape, dW.shape[-1]))) if return_A else dW
+        del tb
+        n = round(float(ta) / self.h)
+        dW = self.increments[n]
+        found = [dW]
+        if return_U:  # ∫(W(s) − W(t_n)) ds = h(½ΔW + H)
+            found.append(self.h * (0.5 * dW + (0.0 if self.spacetime is None else self.spacetime[n])))
+        if return_A:
+            found.append(dW.new_zeros((*dW.shape, dW.shape[-1])) if self.areas is None else self.areas[n])
+        return tuple(found) if len(found) > 1 else dW
 
 
-def _solved(
-    method: str, options: dict[str, Any], problem: Problem, y: Array, h: float, dW: Array, **more: Any
-) -> Any:
-    """Call torchsde.sdeint from y (d, L) with increments dW (N, m, L);
-    the result is a tensor (N + 1, L, d).
-    """
-    weights, noise_type = problem.c, "scalar" if problem.noises == 1 else "general"
-    if problem.noises != 1 and method == "milstein":
-        size = float(np.linalg.norm(weights))
-        dW = np.einsum("j,njl->nl", weights / size if size else weights, dW)[:, None]
-        weights, noise_type = np.array([size]), "scalar"
-    system = _System(problem, torch.as_tensor(weights.copy()), noise_type)
-    noise = Given(torch.as_tensor(np.ascontiguousarray(dW.transpose(0, 2, 1))), h)
-    times = torch.arange(len(dW) + 1, dtype=torch.float64) * h
-    with torch.no_grad():
-        start = torch.as_tensor(np.ascontiguousarray(y.T))
-        return torchsde.sdeint(system, start, times, bm=noise, method=method, dt=h, options=options, **more)
+@dataclass(frozen=True)
+class _Run:
+    """A solver of torchsde: its method, options, and areas, and whether it is for Itô's form."""
+
+    method: str
+    options: dict[str, Any]
+    asks: str = ""
+    ito: bool = False
+
+    def __call__(self, kind: str, problem: Problem, y: Array, h: float, rows: Array, **more: Any) -> Any:
+        """Call torchsde.sdeint from y (d, L) with rows (N, m + k, L) of increments and areas;
+        the result is a tensor (N + 1, L, d). Without a `kind` of noise the problem is (1.1).
+        """
+        m = problem.noises
+        dW, further = rows[:, :m], rows[:, m:]
+        fields: Any = None
+        if kind:
+            noise_type, (fields, numbers) = _NOISE_TYPES[kind], pose_fields(problem, ito=self.ito)
+        else:
+            noise_type, (fields, numbers) = "scalar" if m == 1 else "general", pose_one_field(problem)
+            if m != 1 and self.method == "milstein":
+                weights = problem.c
+                size = float(np.linalg.norm(weights))
+                dW = np.einsum("j,njl->nl", weights / size if size else weights, dW)[:, None]
+                noise_type, numbers = "scalar", (np.array([size]), *numbers[1:])
+        spacetime = _tensor(further.transpose(0, 2, 1)) if self.asks == "space-time" else None
+        areas = None
+        if self.asks == "areas" and len(rows[0]) > m:
+            areas = _tensor(np.stack([as_matrix(one, m) for one in further]).transpose(0, 3, 1, 2))
+        noise = Given(_tensor(dW.transpose(0, 2, 1)), h, spacetime, areas)
+        times = torch.arange(len(dW) + 1, dtype=torch.float64) * h
+        with torch.no_grad():
+            return torchsde.sdeint(
+                _System(fields, numbers, noise_type, self.ito), _tensor(y.T), times, bm=noise, method=self.method,
+                dt=h, options=dict(self.options), **more,
+            )  # fmt: skip
+
+    def step(self, kind: str = "") -> Step:
+        """The step for problems with this kind of noise, or for (1.1)."""
+
+        def step(problem: Problem, y: Array, h: float, dW: Array, further: Array | None = None) -> Array:
+            _positive(h)
+            if further is not None:
+                dW = np.concatenate([dW, as_rows(further) if self.asks == "areas" else further])
+
+            def block(y: Array, rows: Array) -> Any:
+                return self(kind, problem, y, h, rows[None])[-1].numpy().T.copy()
+
+            return in_blocks(block, y, dW, LANES)
+
+        return step
+
+    def path(self, kind: str) -> Path:
+        """Whole paths of problems with this kind of noise."""
+
+        def path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
+            start = np.repeat(y0[:, None], dW.shape[2], axis=1)
+            return np.asarray(self(kind, problem, start, h, dW).numpy().transpose(0, 2, 1).copy())
+
+        return path
+
+
+def _tensor(values: Array) -> Any:
+    return torch.as_tensor(np.ascontiguousarray(values))
 
 
 def _positive(h: float) -> None:
     if not h > 0:
         raise Skipped("torchsde wants times that increase: h > 0")
-
-
-def _step_by(method: str, options: dict[str, Any]) -> Callable[[Problem, Array, float, Array], Array]:
-    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        _positive(h)
-
-        def block(y: Array, dW: Array) -> Any:
-            return _solved(method, options, problem, y, h, dW[None])[-1].numpy().T.copy()
-
-        return in_blocks(block, y, dW, LANES)
-
-    return step
 
 
 def _handed_on(problem: Problem, state: tuple[Array, Any], h: float, dW: Array) -> tuple[Array, Any]:
@@ -118,40 +160,72 @@ def _handed_on(problem: Problem, state: tuple[Array, Any], h: float, dW: Array) 
     """
     _positive(h)
     more = {"extra": True, "extra_solver_state": state[1]}
-    states, own = _solved("reversible_heun", {}, problem, state[0][:, None], h, dW[None, :, None], **more)
+    states, own = _Run("reversible_heun", {})("", problem, state[0][:, None], h, dW[None, :, None], **more)
     return states[-1, 0].numpy().copy(), own
 
 
-def _source(order: float, note: str = "") -> str:
-    return f"torchsde, the solver's strong_order {order:g} for scalar noise and weak_order 1{note}"
+def _solver(
+    method: str, strong: tuple[float | None, float, float], weak: float = 1.0, *, ito: bool = False, asks: str = "",
+    name: str = "", **options: Any,
+) -> Solver:  # fmt: skip
+    """A solver with its strong orders for general, scalar and additive noise;
+    None if a type is refused.
+    """
+    general, scalar, additive = strong
+    by_kind = {"general": general, "commutative": general, "one": scalar, "additive": additive}
+    run = _Run(method, options, asks, ito)
+    return Solver(
+        name=f"torchsde {name or method}",
+        documented={kind: (p, weak) for kind, p in by_kind.items() if p is not None},
+        source="each solver's strong_order and weak_order for the noise type, in torchsde's _core/methods",
+        step=run.step,
+        ito=ito,
+        asks=asks,
+        # The solver's state holds a second solution beside y.
+        path=run.path if method == "reversible_heun" else None,
+    )
 
 
-def _scheme(method: str, order: float = 1.0, note: str = "", name: str = "", **options: Any) -> Scheme:
+SOLVERS = (
+    _solver("euler", (0.5, 0.5, 1.0), ito=True),
+    _solver("milstein", (None, 1.0, 1.0), ito=True, name="milstein, Itô"),
+    _solver("milstein", (None, 1.0, 1.0), ito=True, name="milstein, Itô, grad_free", grad_free=True),
+    _solver("srk", (None, 1.5, 1.5), 1.5, ito=True, asks="space-time"),
+    _solver("euler_heun", (0.5, 1.0, 1.0)),
+    _solver("heun", (0.5, 1.0, 1.0)),
+    _solver("midpoint", (0.5, 1.0, 1.0)),
+    _solver("log_ode", (0.5, 1.0, 1.0), asks="areas"),
+    _solver("milstein", (None, 1.0, 1.0), name="milstein, Stratonovich"),
+    _solver("milstein", (None, 1.0, 1.0), name="milstein, Stratonovich, grad_free", grad_free=True),
+    _solver("reversible_heun", (0.5, 0.5, 1.0)),
+)
+
+
+def _scheme(solver: Solver) -> Scheme:
+    """A Stratonovich solver as a scheme for the laws, of the order documented for one noise."""
+    order, general = solver.documented["one"][0], solver.documented.get("general", (None,))[0]
+    note = f"; strong_order {general} for general noise, and 1 if the noise commutes"
+    stateful = StatefulStep(lambda _, y: (y, None), _handed_on, itemgetter(0))
     return Scheme(
-        name=f"torchsde {name or method}", step=_step_by(method, options), mean_square_order=order, weak_order=1.0,
-        source=_source(order, note), truncation=None, batched=True,
-    )  # fmt: skip
+        name=solver.name.replace(", Stratonovich", "").replace(",", ""),
+        step=stateful if solver.path else solver.step(""),
+        mean_square_order=order,
+        weak_order=1.0,
+        source=f"torchsde, the solver's strong_order {order:g} for scalar noise and weak_order 1"
+        + note * (general not in (None, order)),
+        truncation=None,
+        batched=not solver.path,
+    )
 
 
-_SEVERAL = "; strong_order 0.5 for general noise, and 1 if the noise commutes"
-
-euler_heun = _scheme("euler_heun", note=_SEVERAL)
-heun = _scheme("heun", note=_SEVERAL)
-midpoint = _scheme("midpoint", note=_SEVERAL)
-log_ode = _scheme("log_ode", note=_SEVERAL)
-milstein = _scheme("milstein")
-milstein_grad_free = _scheme("milstein", name="milstein grad_free", grad_free=True)
-# The solver's state holds a second solution beside y.
-reversible_heun = Scheme(
-    name="torchsde reversible_heun", step=StatefulStep(lambda _, y: (y, None), _handed_on, itemgetter(0)),
-    mean_square_order=0.5, weak_order=1.0, source=_source(0.5), truncation=None,
-)  # fmt: skip
+_SCHEMES = [_scheme(solver) for solver in SOLVERS if not solver.ito]
 
 
 def _method(method: str) -> Method:
     def run(problem: Problem, y0: Array, h: float, dW: Array, keep: bool) -> Callable[[], Array]:
         # Several noises of one field act as the one process Σ c_j W_j.
-        system = _System(problem, torch.ones(1, dtype=torch.float64), "scalar")
+        fields, (_, *numbers) = pose_one_field(problem)
+        system = _System(fields, (np.ones(1), *numbers), "scalar")
         sums = np.einsum("j,njl->nl", problem.c, dW)[:, :, None]
         noise = Given(torch.as_tensor(sums), h)
         y = torch.as_tensor(np.repeat(y0[None], dW.shape[2], axis=0))
@@ -171,9 +245,7 @@ def _method(method: str) -> Method:
 
 PEER = Peer(
     library="torchsde",
-    schemes={
-        "euler-heun": euler_heun, "heun": heun, "midpoint": midpoint, "log-ode": log_ode, "milstein": milstein,
-        "milstein-grad-free": milstein_grad_free, "reversible-heun": reversible_heun,
-    },
+    schemes={re.sub("[ _]", "-", s.name.partition(" ")[2]): s for s in _SCHEMES},
     methods={name.replace("_", "-"): _method(name) for name in ("heun", "midpoint", "reversible_heun")},
-)  # fmt: skip
+    solvers=SOLVERS,
+)

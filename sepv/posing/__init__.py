@@ -7,6 +7,7 @@ imported: a formula gets the library itself, such as jax.numpy, as its first arg
 
 from __future__ import annotations
 
+from sepv.posing._fields import OneField, pose_one_field
 from sepv.posing._fields import PosedFields as PosedFields
 from sepv.posing._fields import pose_fields as pose_fields
 from sepv.posing._formulas import LANES, Path, size

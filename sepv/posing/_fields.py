@@ -1,9 +1,9 @@
-"""A system with several Hamiltonians H_j for libraries such as JAX:
-drift and noise fields in one table of numbers.
+"""The drift and the noise fields of a system for libraries such as JAX, with one or with several
+Hamiltonians.
 
-The system is dy = F_0 dt + Σ_j F_j ∘dW_j with F_0 = B∇H_0 and F_j = c_j B∇H_j. In Itô's form its
-drift is F_0 + ½ Σ_j F_j′F_j. The products and derivatives of polynomials are computed once for each
-system.
+The system is dy = F_0 dt + Σ_j F_j ∘dW_j with F_0 = B∇H_0 and F_j = c_j B∇H_j; in (1.1) all H_j are
+H_0. In Itô's form its drift is F_0 + ½ Σ_j F_j′F_j. The products and derivatives of polynomials of
+several Hamiltonians are computed once for each system.
 """
 
 from __future__ import annotations
@@ -13,11 +13,41 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
 from sepv.errors import Skipped
-from sepv.posing._formulas import Formulas, table
+from sepv.posing._formulas import Formulas, pose, size, table
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.problems import structure_entries
 from sepv.record import Polynomial, poly
+
+
+@dataclass(frozen=True)
+class OneField:
+    """Drift f and noise fields c_j f of a system (1.1), as `PosedFields` gives those of several
+    Hamiltonians. The first of its numbers is c.
+
+    Attributes
+    ----------
+    noises : int
+        The length of c.
+    """
+
+    formulas: Formulas
+    noises: int
+
+    @property
+    def width(self) -> int:
+        """The number of components that y must have; 0 for the problem's own number."""
+        return self.formulas.width
+
+    def drift(self, xp: Any, numbers: Any, y: Any) -> Any:
+        """The field f at y (d, ...), of the same shape."""
+        return self.formulas.field(xp, numbers[1:], y)
+
+    def noise(self, xp: Any, numbers: Any, y: Any) -> Any:
+        """The noise fields c_1 f, …, c_m f at y (d, ...), of shape (m, d, ...)."""
+        return numbers[0].reshape((-1, *[1] * y.ndim)) * self.drift(xp, numbers, y)
 
 
 @dataclass(frozen=True)
@@ -29,6 +59,7 @@ class PosedFields:
     dimension: int
     noises: int
     powers: int
+    width = 0
 
     def drift(self, xp: Any, numbers: Any, y: Any) -> Any:
         """The drift at y (d, ...), of the same shape: F_0 = B∇H_0,
@@ -44,6 +75,17 @@ class PosedFields:
         d = self.dimension
         values = Formulas("polynomial", self.powers).values(xp, numbers, y, first * d, last * d)
         return values.reshape((last - first, d, *y.shape[1:]))
+
+
+def pose_one_field(problem: Problem, *, wide: bool = False) -> tuple[OneField, tuple[Array, ...]]:
+    """The fields of a system (1.1), and its numbers as NumPy arrays, the first of which is c.
+
+    Of a polynomial problem `wide` fills up tables and variables as in `pose`, and c with zeros to
+    4, 8, … noises. Raises Skipped as `pose`.
+    """
+    formulas, numbers = pose(problem, padded=wide, wide=wide)
+    noises = size(problem.noises, 4) if formulas.width else problem.noises
+    return OneField(formulas, noises), (np.pad(problem.c, (0, noises - problem.noises)), *numbers)
 
 
 def pose_fields(problem: Problem, *, ito: bool = False) -> tuple[PosedFields, tuple[Array, ...]]:

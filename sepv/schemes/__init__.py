@@ -38,7 +38,7 @@ from sepv.schemes._energy_preserving import jacobian as energy_preserving_jacobi
 from sepv.schemes._explicit import explicit as explicit
 from sepv.schemes._explicit_tableaux import CLASSICAL, DORMAND_PRINCE_8, ExplicitTableau
 from sepv.schemes._further_increments import answer as answer_of
-from sepv.schemes._further_increments import carry, further_rows
+from sepv.schemes._further_increments import as_matrix, as_rows, carry, further_rows
 from sepv.schemes._gauss import gauss as gauss
 from sepv.schemes._guard import (
     SchemeCrash,

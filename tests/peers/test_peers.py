@@ -55,7 +55,7 @@ def test_blocks_are_always_full_and_only_what_was_asked_for_comes_back(count: in
 
 @pytest.mark.parametrize("library", ["diffrax", "torchsde"])
 def test_heun_converges_to_the_stratonovich_solution_and_does_not_keep_the_energy(library: str) -> None:
-    found = verdicts(adapter(library).heun, "contract,energy,right-limit", **FEW)
+    found = verdicts(adapter(library).PEER.schemes["heun"], "contract,energy,right-limit", **FEW)
     assert found == {"contract": "holds", "energy": "violated", "right-limit": "holds"}
 
 
@@ -67,7 +67,10 @@ def test_an_adapter_of_sdeint_runs_its_own_code(name: str) -> None:
     sdeint, module = pytest.importorskip("sdeint"), adapter("sdeint")
     problem, h, dW = problems.pendulum(), 0.1, np.array([0.2, -0.1])
     y, integrator = np.asarray(problem.initial), getattr(sdeint, name)
-    step = {"stratHeun": module.strat_heun.step, "itoEuler": module._step_by(integrator, False)}[name]
+    step = {
+        "stratHeun": module.PEER.schemes["strat-heun"].step,
+        "itoEuler": module._step_by(integrator, False),
+    }[name]
     f = lambda state, _t: vector_field(problem, np.asarray(state))  # noqa: E731  (sdeint wants a callable)
     G = lambda state, _t: np.outer(f(state, _t), problem.c)  # noqa: E731  (the same)
     theirs = integrator(f, G, y, np.array([0.0, h]), dW=dW[None])[-1]
@@ -75,7 +78,7 @@ def test_an_adapter_of_sdeint_runs_its_own_code(name: str) -> None:
 
 
 def test_sdeints_runge_kutta_method_gets_its_repeated_integrals_and_does_not_keep_the_energy() -> None:
-    module = adapter("sdeint")
+    scheme = adapter("sdeint").PEER.schemes["strat-srs2"]
     import sdeint
 
     problem, h, dW = problems.rigid_body(), 0.125, np.array([0.3])
@@ -86,8 +89,8 @@ def test_sdeints_runge_kutta_method_gets_its_repeated_integrals_and_does_not_kee
 
     # One noise: its repeated integral is ½ΔW² whatever sdeint draws.
     theirs = sdeint.stratSRS2(f, [f], y, np.array([0.0, h]), dW=dW[None])[-1]
-    assert np.allclose(module.strat_srs2.step(problem, y, h, dW), theirs, rtol=0, atol=4e-16)
-    assert verdicts(module.strat_srs2, "contract,energy", **FEW) == {
+    assert np.allclose(scheme.step(problem, y, h, dW), theirs, rtol=0, atol=4e-16)
+    assert verdicts(scheme, "contract,energy", **FEW) == {
         "contract": "holds",
         "energy": "violated",
     }
@@ -97,7 +100,7 @@ def test_sdeints_runge_kutta_method_gets_its_repeated_integrals_and_does_not_kee
 def test_a_path_has_the_same_bits_alone_and_in_a_batch(library: str) -> None:
     problem, rng = problems.pendulum(), np.random.default_rng(5)
     y, dW = rng.standard_normal((2, 70)), 0.1 * rng.standard_normal((2, 70))
-    scheme = adapter(library).heun
+    scheme = adapter(library).PEER.schemes["heun"]
     together = scheme.step(problem, y, 0.125, dW)
     for lane in (0, 63, 64, 69):
         assert np.array_equal(scheme.step(problem, y[:, lane], 0.125, dW[:, lane]), together[:, lane])
@@ -121,11 +124,12 @@ def test_diffrax_steps_as_diffeqsolve_does() -> None:
 
         terms = diffrax.MultiTerm(diffrax.ODETerm(f), diffrax.ControlTerm(g, path))
         y0 = jnp.asarray(problem.initial)
-        for scheme, solver in (
-            (module.heun, diffrax.Heun()),
-            (module.midpoint, diffrax.Midpoint()),
-            (module.reversible_heun, diffrax.ReversibleHeun()),
+        for name, solver in (
+            ("heun", diffrax.Heun()),
+            ("midpoint", diffrax.Midpoint()),
+            ("reversible-heun", diffrax.ReversibleHeun()),
         ):
+            scheme = module.PEER.schemes[name]
             theirs = diffrax.diffeqsolve(terms, solver, 0.0, h, h, y0).ys[0]
             ours = scheme.step(problem, np.asarray(problem.initial), h, dW)
             assert np.allclose(ours, theirs, rtol=0, atol=4e-16), scheme.name
@@ -137,7 +141,7 @@ def test_diffrax_compiles_nothing_for_another_polynomial_problem() -> None:
     before, B = None, [[0, 1, [[[1, 0, 0], 1.0]]]]
     for entry in (1.0, 2.0):
         data = problems.from_json({"dimension": 3, "hamiltonian": [[[2, 0, 1], entry]], "structure": B})
-        module.heun.step(problems.build(data), np.ones(3), 0.1, np.array([0.1]))
+        module.PEER.schemes["heun"].step(problems.build(data), np.ones(3), 0.1, np.array([0.1]))
         size = module._steps._cache_size()
         assert before in (None, size)
         before = size
@@ -158,7 +162,9 @@ def test_the_space_time_area_is_normal_with_variance_h_over_12_and_independent_o
 
 
 def test_slow_rk_has_order_one_and_a_half_with_the_area_it_asks_for() -> None:
-    assert verdicts(adapter("diffrax").slow_rk, "mean-square-order", **FEW) == {"mean-square-order": "holds"}
+    assert verdicts(adapter("diffrax").PEER.schemes["slow-rk"], "mean-square-order", **FEW) == {
+        "mean-square-order": "holds"
+    }
 
 
 def test_torchsde_steps_as_sdeint_with_a_brownian_interval_does() -> None:
@@ -177,16 +183,16 @@ def test_torchsde_steps_as_sdeint_with_a_brownian_interval_does() -> None:
 
     y, h, dW = np.array([0.2, 0.1]), 0.125, np.array([-0.4])
     W = torchsde.BrownianInterval(0.0, h, W=torch.as_tensor(dW[None]), levy_area_approximation="foster")
-    for scheme, method in ((module.midpoint, "midpoint"), (module.log_ode, "log_ode")):
+    for name, method in (("midpoint", "midpoint"), ("log-ode", "log_ode")):
         run = {"bm": W, "method": method, "dt": h}
         theirs = torchsde.sdeint(Oscillator(), torch.as_tensor(y[None]), [0.0, h], **run)[-1, 0].numpy()
-        ours = scheme.step(problems.harmonic_oscillator(), y, h, dW)
+        ours = module.PEER.schemes[name].step(problems.harmonic_oscillator(), y, h, dW)
         assert np.allclose(ours, theirs, rtol=0, atol=1e-16)
 
 
 def test_torchsdes_milstein_does_not_hold_its_declared_order() -> None:
     with np.errstate(over="ignore"):  # most of its paths leave every bound
-        report = measured(adapter("torchsde").milstein, "mean-square-order", **FEW)
+        report = measured(adapter("torchsde").PEER.schemes["milstein"], "mean-square-order", **FEW)
     assert report.findings[0].verdict.text in ("violated", "error")
     assert report.exit_code != 0
 

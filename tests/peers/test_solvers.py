@@ -6,6 +6,7 @@ import ast
 import math
 from dataclasses import replace
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,10 @@ from benchmarks.peers import integrators as page
 from benchmarks.peers import solver_measurements as measurements
 from benchmarks.peers import solvers
 from benchmarks.peers.deviations import _notes
-from benchmarks.peers.solver import KINDS, Solver, problem_of
+from benchmarks.peers.solver import KINDS, problem_of
+from benchmarks.peers.solver import scheme as scheme_for
 from sepv import Effort, Skipped, TargetError, exact_flow, integrate, problems, verify
-from sepv.peers.peer import Peer, load, names
+from sepv.peers.peer import Peer, Solver, load, names
 from sepv.posing import pose_fields
 from sepv.problem import Array, Problem, column, ito_drift, noise_field, vector_field
 from sepv.problems import by_name, henon_heiles, pendulum, planets, rigid_body
@@ -36,8 +38,7 @@ LOCAL = ("local-mean", "local-mean-square", "local-weak")
 
 def solver(library: str, name: str) -> Solver:
     pytest.importorskip(library, reason=f"{library} is not installed: the extra `peers`")
-    found: tuple[Solver, ...] = import_module(f"benchmarks.peers.solvers_{library}").SOLVERS
-    return next(each for each in found if each.name == f"{library} {name}")
+    return next(each for each in load(library).solvers if each.name == f"{library} {name}")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -99,7 +100,7 @@ def test_a_step_is_its_library_s_own_run(library: str) -> None:
     """One state and a batch agree, and rows of areas reach the solver."""
     name = {"diffrax": "SPaRK", "torchsde": "log_ode", "sdeint": "stratSRS2"}[library]
     asked = solver(library, name)
-    problem, scheme = problems.by_name("random-inertia"), asked.scheme("general")
+    problem, scheme = problems.by_name("random-inertia"), scheme_for(asked, "general")
     rows = areas.drawn(1, T=0.5, steps=2, noises=2, paths=3).rows(2, asked.asks)[0]
     y = np.array(problem.initial)
     single = [answer(scheme, problem, y, 0.25, rows[:, k]) for k in range(3)]
@@ -144,9 +145,9 @@ def test_the_documented_order_stands_beside_another_one() -> None:
 
 def test_a_missing_library_is_left_out_and_said_so(monkeypatch: pytest.MonkeyPatch) -> None:
     def absent(name: str) -> None:
-        raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+        raise TargetError(expected=f"the library {name}", received="not installed", remedy="install it")
 
-    monkeypatch.setattr(solvers, "import_module", absent)
+    monkeypatch.setattr(solvers, "load", absent)
     result = CliRunner().invoke(solvers.main, ["--library", "torchsde"])
     assert result.exit_code == 0
     assert "torchsde left out" in result.stderr
@@ -155,16 +156,20 @@ def test_a_missing_library_is_left_out_and_said_so(monkeypatch: pytest.MonkeyPat
 def test_the_page_is_of_the_solvers_that_are_here() -> None:
     page = (Path(__file__).resolve().parents[2] / "docs" / "solvers.md").read_text("utf-8")
     for library in LIBRARIES:
-        try:
-            own = import_module(f"benchmarks.peers.solvers_{library}").SOLVERS
-        except ModuleNotFoundError:
+        if find_spec(library) is None:
             continue
-        for each in own:
+        for each in load(library).solvers:
             name = each.name.removeprefix(f"{library} ")
             rows = [line.removeprefix("| ").split(" | ") for line in section(page, library).splitlines()]
             (row,) = [row for row in rows if name in row[0].split("; ") and len(row) > 1]
-            cells = dict(zip(KINDS, row[1:], strict=True))
-            assert {kind for kind, cell in cells.items() if cell.strip(" |")} == set(each.documented)
+            cells = {kind: cell.strip(" |†") for kind, cell in zip(KINDS, row[1:], strict=True)}
+            assert {kind for kind, cell in cells.items() if cell} == set(each.documented)
+            for kind, documented in each.documented.items():
+                for shown, order in zip(cells[kind].split("; "), documented, strict=False):
+                    assert shown == solvers.beside(shown.partition(" (")[0], solvers._claim(order))
+            assert each.source in section(page, library)
+            itos = section(page, library).partition("These solve Itô's equation: ")[2].partition(".\n")[0]
+            assert (name in itos.split("; ")) == each.ito
 
 
 def section(page: str, library: str) -> str:
