@@ -35,7 +35,7 @@ from sepv.peers._diffrax_ode import INTEGRATORS
 from sepv.peers._jax import enable_x64
 from sepv.peers.peer import Peer, Solver
 from sepv.posing import LANES, OneField, Path, in_blocks, pose_fields, pose_one_field
-from sepv.problem import Array, Problem, is_several
+from sepv.problem import Array, Problem, one_field
 from sepv.schemes import Scheme, StatefulStep, Step
 from sepv.studies import Method, from_states
 
@@ -168,7 +168,7 @@ def _call(
 
 def _posed(problem: Problem, ito: bool = False) -> Any:
     """The fields of a problem with several Hamiltonians, or else of (1.1), and its numbers."""
-    return pose_fields(problem, ito=ito) if is_several(problem) else pose_one_field(problem, wide=True)
+    return pose_one_field(problem, wide=True) if one_field(problem) else pose_fields(problem, ito=ito)
 
 
 def _step_by(solver: Any, ito: bool = False) -> Step:

@@ -17,7 +17,7 @@ import sdeint
 
 from sepv.errors import StepFailure
 from sepv.peers.peer import Peer, Solver
-from sepv.problem import Array, Problem, is_several, ito_drift, noise_field, vector_field
+from sepv.problem import Array, Problem, ito_drift, noise_field, one_field, vector_field
 from sepv.schemes import PathSolver, Scheme, Step, as_matrix, as_rows
 from sepv.studies import from_states
 
@@ -49,7 +49,7 @@ def _integrate(
         return np.asarray((ito_drift if ito else vector_field)(problem, state))
 
     def noise(state: Array, _time: float) -> Array:
-        if not is_several(problem):
+        if one_field(problem):
             return np.outer(vector_field(problem, state), problem.c)
         return np.stack([c * noise_field(problem, j, state) for j, c in enumerate(problem.c)], axis=1)
 
