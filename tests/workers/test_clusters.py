@@ -24,6 +24,7 @@ import sepv
 from sepv import Interrupted, problems, schemes
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import AXES
+from sepv.simulate.targets.cuda import devices
 from sepv.workers import _on_dask as on_dask
 from sepv.workers import count, run_all
 from sepv.workers._pool import TASKS_PER_WORKER
@@ -83,6 +84,29 @@ def test_the_bits_are_those_of_one_process(client: Any, cluster: Any) -> None:
         assert same(here, there)
         assert there.repeated == 0
         assert there.gradient_evaluations == here.gradient_evaluations
+
+
+@pytest.mark.skipif(
+    devices.compiler() is None, reason="no C compiler: the text of a card's kernel cannot run"
+)
+def test_workers_run_the_kernels_of_a_card(client: Any) -> None:
+    """The text of a card's kernel, compiled for the host, gives the same bits on workers, ends and
+    functionals.
+    """
+    run = partial(
+        sepv.ensemble,
+        "energy-preserving",
+        "pendulum",
+        h=1 / 8,
+        T=1.0,
+        paths=100,
+        chunk=16,
+        engine="cuda-on-host",
+    )
+    here, there = run(), run(workers=client)
+    assert (there.engine, there.repeated, same(here, there)) == ("cuda-on-host", 0, True)
+    sums = [run(workers=w, reduce={"q": lambda ends: ends.y[1]}).reduced["q"] for w in (1, client)]
+    assert sums[0].mean == sums[1].mean == pytest.approx(here.y[1].mean(), rel=1e-14)
 
 
 def test_a_worker_killed_in_mid_run_changes_no_bit(client: Any) -> None:
