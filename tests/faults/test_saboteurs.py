@@ -59,12 +59,10 @@ def expected(name: str) -> list[str]:
     return [law for law in ALL_LAWS if law in laws]
 
 
-# Found in one of thousands of steps or after hundreds of them: five to fourteen seconds each.
-# Others of the same family and law are killed each time, as the next test says.
+# Found in one of thousands of steps or after hundreds of them: five to six seconds each. Others of
+# the same family and law are killed each time, as the next test says.
 RARELY_WRONG = (
-    "refuses-once", "integers-at-rest", "draws-if-refused", "roundings-of-all-paths", "off-each-five-thousandth",
-    "still-near-rest", "thousandth-call", "b-of-the-step-before", "midpoint-once", "silent-cap",
-    "wrong-cell-of-a-table",
+    "refuses-once", "integers-at-rest", "draws-if-refused", "off-each-five-thousandth", "still-near-rest",
 )  # fmt: skip
 
 
