@@ -379,6 +379,8 @@ def main() -> None:
         if fault.kind.startswith(parser.parse_args().only)
     ]
     kinds: dict[str, list[tuple[Fault, Outcome]]] = {fault.kind: [] for fault in chosen}
+    # A shell lets what it starts in the background ignore Ctrl-C, and so would the commands.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     with ThreadPoolExecutor(2) as pool:
         futures = {pool.submit(trials, fault): fault for fault in chosen}
         done = as_completed(futures)
