@@ -22,6 +22,7 @@ from sepv.properties.test_invariant import quantity
 from sepv.properties.test_reference import check as check_reference
 
 import sepv
+from benchmarks import exits
 from benchmarks import hamiltonians as maker
 from sepv import Scheme, exact_flow, external, integrate, problems, schemes
 from sepv.external import Program, check_protocol, load_program
@@ -422,3 +423,25 @@ def test_energy_and_two_casimirs_in_four_dimensions_are_kept_to_rounding():
     # 1000 steps round y ~ 1 by eps each: 8 eps √1000 as in `sepv.paper.runs.rounding_bound`.
     assert max(kept) < 8 * 2.0**-52 * 1000**0.5
     assert lost[0] < 8 * 2.0**-52 * 1000**0.5 < 1e-7 < min(lost[1:])
+
+
+def test_how_often_paths_leave_a_compact_set() -> None:
+    """The table's bounds and counts; its probabilities have the false-alarm rate of their seeds,
+    which are fixed.
+    """
+    D = exits.pendulum()
+    for scheme, name, bound, left in (
+        ("energy-preserving", "(2.1)", "8e-30", 0), ("midpoint", "midpoint rule", "8e-4", 0),
+        ("euler-heun", "Euler-Heun", "0.35", 1), ("milstein", "Milstein", "0.78", 28),
+        ("euler-maruyama", "Euler-Maruyama", "1", 742),
+    ):  # fmt: skip
+        printed("convergence.md", f"| {name} | {bound} | {left} |")
+        # That of (2.1) is made of squared roundings, which differ between machines.
+        found = exits.bound(D, scheme, 16)
+        assert (
+            found == pytest.approx(float(bound), rel=0.06) if scheme != "energy-preserving" else found < 1e-27
+        )
+        assert exits.measured(D, scheme, 16, 4000).left == left
+    for scheme, low, high in (("milstein", 8.5e-3, 9.2e-3), ("euler-maruyama", 0.177, 0.179)):
+        at_least, at_most = exits.counted(D, scheme, 16, 20_000, "numpy", seed=1).interval()
+        assert at_least < low < high < at_most
