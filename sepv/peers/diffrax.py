@@ -167,8 +167,11 @@ def _call(
 
 
 def _posed(problem: Problem, ito: bool = False) -> Any:
-    """The fields of a problem with several Hamiltonians, or else of (1.1), and its numbers."""
-    return pose_one_field(problem, wide=True) if one_field(problem) else pose_fields(problem, ito=ito)
+    """The fields of (1.1), or of several Hamiltonians, and their numbers. Raises Skipped for Itô's
+    form of (1.1).
+    """
+    one = one_field(problem) and not ito
+    return pose_one_field(problem, wide=True) if one else pose_fields(problem, ito=ito)
 
 
 def _step_by(solver: Any, ito: bool = False) -> Step:

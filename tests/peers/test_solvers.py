@@ -112,6 +112,13 @@ def test_a_step_is_its_library_s_own_run(library: str) -> None:
     assert not np.allclose(answer(scheme, problem, y, 0.25, changed[:, 0]), single[0], atol=1e-4)
 
 
+@pytest.mark.parametrize(("library", "name"), [("diffrax", "Euler"), ("torchsde", "euler")])
+def test_a_solver_of_ito_equations_refuses_a_system_without_its_form(library: str, name: str) -> None:
+    problem = rigid_body()
+    with pytest.raises(Skipped, match="several Hamiltonians given as data"):
+        solver(library, name).step("one")(problem, np.array(problem.initial), 0.1, np.zeros(problem.noises))
+
+
 def _found(solver: Solver, **changes: object) -> dict[tuple[str, str], object]:
     local = {law: {"slope": s} for law, s in zip(LOCAL, (2.0, 1.5, 2.0), strict=True)}
     given: dict[str, object] = {
