@@ -21,12 +21,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from sepv import problems
-from sepv.law.cases.case import Case
+from sepv.law.cases.case import Case, with_order
 from sepv.problem import (
     Array,
     Function,
@@ -173,12 +173,5 @@ def with_noises(case: Case, kept: Sequence[int]) -> Case | None:
     if data is None:
         return None
 
-    def chosen(of_noises: tuple[Any, ...]) -> tuple[Any, ...]:
-        return tuple(of_noises[j] for j in kept) if of_noises else ()
-
-    fewer = replace(
-        data, noise=chosen(data.noise), noise_hamiltonians=chosen(data.noise_hamiltonians),
-        noise_vectors=chosen(data.noise_vectors),
-    )  # fmt: skip
-    kept_as = one_hamiltonian(problems.build(fewer))
-    return None if kept_as else replace(case, problem=fewer, dW=chosen(case.dW))
+    fewer = with_order(replace(case, problem=data), kept)
+    return None if one_hamiltonian(problems.build(fewer.problem)) else fewer

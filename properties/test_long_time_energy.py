@@ -29,7 +29,7 @@ from sepv.law import Case, Effort, Finding, Law, Run, Verdict, require
 from sepv.law.cases.case import quiet_problem
 from sepv.law.cases.from_problem import describe
 from sepv.law.cases.users_problems import items
-from sepv.problem import Systems, damping_of, one_field
+from sepv.problem import Systems, one_field
 from sepv.schemes import OF_SEVERAL, Scheme, takes
 
 # The number of paths on an orbit, for a confidence interval of the growth. A scheme without batches
@@ -88,7 +88,7 @@ def _orbits(scheme: Scheme, seed: int) -> Iterator[Any]:
             yield from orbits_of_class(Systems(item.text.replace("_", "-")), seed)
             continue
         for problem in item.problems:
-            if one_field(problem) and not damping_of(problem):
+            if one_field(problem):
                 yield quiet_problem(problem)
 
 

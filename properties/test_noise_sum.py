@@ -4,10 +4,6 @@ can replace them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 
 from sepv.errors import Skipped
@@ -23,11 +19,11 @@ from sepv.law import (
     state_ulp,
     step_residual,
 )
-from sepv.law.cases.case import with_noise
+from sepv.law.cases.case import with_noise, with_order
 from sepv.law.cases.fixed_cases import many
 from sepv.problem import (
     GivenProblem,
-    PolynomialSystem,
+    NamedProblem,
     Systems,
     one_field,
     one_hamiltonian,
@@ -64,19 +60,16 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     problem, _, _, dW = case.build()
     data, c = case.problem, tuple(float(v) for v in problem.c)
     if not one_field(problem):
-        if isinstance(data, GivenProblem) and not one_hamiltonian(problem):
-            return _furthest(scheme, case, _given_orders(case, data))
-        if not isinstance(data, PolynomialSystem):
+        given = isinstance(data, GivenProblem)
+        if isinstance(data, NamedProblem) or (given and one_hamiltonian(problem)):
             raise Skipped("its noises cannot be reversed: the problem is not data")
-        parts = getattr(data, _key(data))
-        noises: list[Noise] = list(zip(data.noise, parts, case.dW, strict=True))
-        still: Noise = (0.0, parts[0], case.dW[0])
-        orders = {
-            "reversed": noises[::-1],
-            "moved on by one": [noises[-1], *noises[:-1]],
-            "after one of c = 0": [still, *noises],
-        }
-        return _furthest(scheme, case, {name: _ordered(case, data, order) for name, order in orders.items()})
+        m = len(c)
+        orders = {"reversed": [*range(m)][::-1], "moved on by one": [m - 1, *range(m - 1)]}
+        others = {name: with_order(case, order) for name, order in orders.items()}
+        if not given:
+            more = with_order(case, [0, *range(m)])
+            others["after one of c = 0"] = with_noise(more, (0.0, *c), more.dW)
+        return _furthest(scheme, case, others)
     total = float(sum(c * w for c, w in zip(problem.c, dW, strict=True)))
     # With this coefficient the increment is at most the largest one. It is a power of two: the
     # product is exact.
@@ -86,41 +79,6 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         "as one": with_noise(case, (float(one),), (total / one,)),
     }
     return _furthest(scheme, case, others)
-
-
-def _key(data: PolynomialSystem) -> str:
-    """Return the name of the attribute of `data` that has one structure,
-    Hamiltonian or vector for each noise.
-    """
-    keys = ("noise_structures", "noise_hamiltonians", "noise_vectors")
-    return next(key for key in keys if getattr(data, key))
-
-
-def _ordered(case: Case, data: PolynomialSystem, noises: Sequence[Noise]) -> Case:
-    """Replace the noises of a case by the given ones, each with its structure or Hamiltonian and
-    its increment.
-    """
-    c, parts, dW = zip(*noises, strict=True)
-    changes: dict[str, Any] = {"noise": c, _key(data): parts}
-    return replace(case, problem=replace(data, **changes), dW=dW)
-
-
-def _given_orders(case: Case, given: GivenProblem) -> dict[str, Case]:
-    """Return cases with the noises reordered, by name,
-    for several Hamiltonians that are given as functions.
-    """
-    m = given.problem.noises
-    orders = {"reversed": [*range(m)][::-1], "moved on by one": [m - 1, *range(m - 1)]}
-    by_order = {}
-    for name, order in orders.items():
-        changes: dict[str, Any] = {"noise": given.problem.c[order]}
-        keys = ("noise_hamiltonians", "noise_gradients", "noise_hessians", "noise_flows", "noise_vectors")
-        for key in keys:
-            parts = getattr(given.problem, key)
-            changes[key] = tuple(parts[j] for j in order) if parts else ()
-        other = GivenProblem(replace(given.problem, check=False, **changes), given.target)
-        by_order[name] = replace(case, problem=other, dW=tuple(case.dW[j] for j in order))
-    return by_order
 
 
 def _furthest(scheme: Scheme, case: Case, others: dict[str, Case]) -> Measurement:

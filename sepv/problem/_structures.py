@@ -122,9 +122,9 @@ def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array)
     """
     outside = np.zeros(y0.shape[1], dtype=bool)
     size = np.maximum(np.abs(y0), np.abs(y1)).max(axis=0)
-    for part, G in zip(parts[1:], problem.structures[1:], strict=True):
-        if isinstance(G, CommutingStructure):
-            missed, field, rounding = G.missed(y0 + 0.5 * (y1 - y0), mean)
+    for part, F in zip(parts[1:], problem.channels[1:], strict=True):
+        if F.keeping is not F.structure:
+            missed, field, rounding = F.keeping.missed(y0 + 0.5 * (y1 - y0), mean)
             # A noise term below a rounding of y does not move y.
             allowed = np.abs(part) * (MISSED_MAX_SHARE * field + rounding) + EPS * size
             outside |= (part != 0) & ~(np.abs(part) * missed <= allowed)

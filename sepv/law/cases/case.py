@@ -7,8 +7,8 @@ from __future__ import annotations
 import base64
 import json
 import zlib
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
 
@@ -108,6 +108,21 @@ class Case:
 def with_noise(case: Case, c: tuple[float, ...], dW: tuple[float, ...]) -> Case:
     """A copy of the case with other noise coefficients c and increments dW."""
     return replace(case, problem=_with_coefficients(case.problem, c), dW=dW)
+
+
+def with_order(case: Case, order: Sequence[int]) -> Case:
+    """The case of a problem given as data or as functions, with the noises of these numbers,
+    each with its field and its increment.
+    """
+    c = problems.build(case.problem).c
+    changes: dict[str, Any] = {"noise": tuple(float(c[j]) for j in order)}
+    record: Any = case.problem.problem if isinstance(case.problem, GivenProblem) else case.problem
+    for key in (f.name for f in fields(record) if f.name.startswith("noise_")):
+        if parts := getattr(record, key):
+            changes[key] = tuple(parts[j] for j in order)
+    other = replace(record, **changes, **({"check": False} if isinstance(record, Problem) else {}))
+    problem = GivenProblem(other, case.problem.target) if isinstance(case.problem, GivenProblem) else other
+    return replace(case, problem=problem, dW=tuple(case.dW[j] for j in order))
 
 
 def _with_coefficients(data: Description, c: tuple[float, ...]) -> Description:
