@@ -29,7 +29,11 @@ def peers() -> None:
     rows = []
     for library in names():
         peer = here.get(library)
-        solvers = [f"{library}-{name}" for name in (*peer.schemes, *peer.integrators)] if peer else []
+        solvers = (
+            [f"{library}-{name}" for name in (*peer.schemes, *peer.integrators, *peer.thermostats)]
+            if peer
+            else []
+        )
         drivers = [f"{library}-{name}" for name in peer.drivers()] if peer else []
         state = ", ".join(solvers) if peer else f"not installed: pip install {library}"
         rows.append((library, state, ", ".join(drivers)))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import Skipped, UsageError
-from sepv.problem import Array, Mechanics, Problem, Systems, mechanics
+from sepv.problem import Array, Mechanics, Problem, Systems, langevin, mechanics, temperature
 from sepv.schemes import Scheme
 
 # The laws that a library claims if it calls an integrator symplectic or reversible.
@@ -51,6 +51,44 @@ def integrator(
         truncation=None,
         **facts,
     )
+
+
+# What a method that a library calls BAOAB claims: weak order 2, and what Leimkuhler and Matthews
+# (2013) show of it.
+BAOAB = ("equilibrium", "equilibrium:positions", "poisson-map:conformal")
+
+
+def thermostat(
+    name: str, advance: Callable[..., tuple[Any, Any]], *, source: str, asks: str = "", **facts: Any
+) -> Scheme:
+    """The `sepv.Scheme` of an integrator of Langevin dynamics, whose function
+    `advance(system, rate, kT, q, p, h, xi)` takes one step with the normal numbers xi (n,), one
+    for each momentum, that make the noise √(2 rate kT m_i h) xi_i; (2, n) with space-time areas.
+    """
+
+    def step(problem: Problem, y: Array, h: float, dW: Array, *more: Array) -> Array:
+        try:
+            own, kT = langevin(problem), temperature(problem)
+        except UsageError:
+            raise Skipped("no Langevin dynamics at one temperature, with friction −γp") from None
+        if h <= 0:
+            raise Skipped("a step with noise needs h > 0")
+        q, p = own.mechanics.split(y.copy())
+        # ΔW has the variance h, a space-time area h/12.
+        rows = [
+            own.pushed(part) * factor for part, factor in zip((dW, *more), (1.0, 12.0**0.5), strict=False)
+        ]
+        scale = np.sqrt(2 * own.rate * kT * masses(own.mechanics) * h)
+        xi = np.stack(rows) / np.where(scale > 0, scale, 1.0)  # without noise the rows are 0
+        return own.mechanics.join(
+            *advance(own.mechanics, own.rate, kT, q, p, float(h), xi if more else xi[0])
+        )
+
+    return Scheme(
+        name, step, source=source, systems=Systems.FRICTION, truncation=None, asks=asks, weak_order=2,
+        order=None if asks else 2,
+        **facts,
+    )  # fmt: skip
 
 
 def diagonal(system: Mechanics) -> bool:

@@ -10,6 +10,7 @@ changes nothing in JAX.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache, partial
 from importlib import import_module
 from typing import Any
@@ -20,27 +21,29 @@ import numpy as np
 
 from sepv.peers._integrator import Advance, diagonal
 from sepv.posing import Formulas, pose, size
-from sepv.problem import Array, Mechanics
+from sepv.problem import Array, Mechanics, PolynomialSystem, damping_of
+from sepv.problems import polynomial_problem
 
 # JAX has had this context manager in two places.
 enable_x64 = jax.enable_x64 if hasattr(jax, "enable_x64") else import_module("jax.experimental").enable_x64
 
-# A function (V, M⁻¹, q, p, h) -> (q1, p1). M⁻¹ has the shape (n,) if it is diagonal, else (n, n).
+# A function (V, M⁻¹, q, p, h, …) -> (q1, p1). M⁻¹ has the shape (n,) if it is diagonal, else
+# (n, n).
 Step = Callable[..., tuple[Any, Any]]
 
 
 def advance_by(step: Step) -> Advance:
     """Convert a step written in JAX to the function `advance` that `_integrator.integrator`
-    takes.
+    takes. Further arguments, numbers or arrays (n,), are the step's too.
     """
 
-    def advance(system: Mechanics, q: Array, p: Array, h: float) -> tuple[Array, Array]:
+    def advance(system: Mechanics, q: Array, p: Array, *more: Any) -> tuple[Array, Array]:
         n, (formulas, numbers, inverse_mass) = len(q), _posed(system)
-        q, p = (np.pad(part, (0, len(inverse_mass) - n)) for part in (q, p))
+        given = [
+            np.pad(x, (0, len(inverse_mass) - n)) if np.ndim(x) else np.float64(x) for x in (q, p, *more)
+        ]
         with enable_x64(True):
-            q1, p1 = _compiled(
-                step, formulas, system.positions_first, numbers, inverse_mass, q, p, np.float64(h)
-            )
+            q1, p1 = _compiled(step, formulas, system.positions_first, numbers, inverse_mass, *given)
             return np.asarray(q1)[:n], np.asarray(p1)[:n]
 
     return advance
@@ -64,7 +67,11 @@ def _posed(system: Mechanics) -> tuple[Formulas, Any, Array]:
     """The potential V(q) = H(q, 0) of a mechanical system as formulas and numbers,
     and the inverse mass matrix M⁻¹.
     """
-    formulas, numbers = pose(system.problem)
+    problem, data = system.problem, system.problem.data
+    if isinstance(data, PolynomialSystem) and damping_of(problem):
+        # V is that of the problem without friction and noise.
+        problem = polynomial_problem(replace(data, noise=(), noise_vectors=(), damping=0.0))
+    formulas, numbers = pose(problem)
     n, inverse_mass = system.degrees, system.inverse_mass
     if formulas.kind == "polynomial":
         exponents, coefficients = numbers

@@ -87,6 +87,8 @@ class Peer:
     solvers : tuple of Solver
         All solvers for general noise, with their documented orders, of which
         `benchmarks.peers.solvers` makes a page.
+    thermostats : dict of str to Scheme
+        Integrators of Langevin dynamics whose noise is given, one step at a time, for the laws.
     """
 
     library: str
@@ -96,6 +98,7 @@ class Peer:
     absent: tuple[str, ...] = ()
     integrators: Mapping[str, Scheme] = field(default_factory=dict)
     solvers: tuple[Solver, ...] = ()
+    thermostats: Mapping[str, Scheme] = field(default_factory=dict)
 
     def drivers(self) -> dict[str, Method | None]:
         """The solvers of whole paths for `sepv compare`: `methods`,
@@ -157,7 +160,7 @@ def scheme(target: str) -> Scheme | None:
     if not library:
         return None
     peer = load(library)
-    return _one(target, library, {**peer.schemes, **peer.integrators})
+    return _one(target, library, {**peer.schemes, **peer.integrators, **peer.thermostats})
 
 
 def method(target: str) -> Method | None:
@@ -170,7 +173,7 @@ def method(target: str) -> Method | None:
     if not library:
         return None
     peer = load(library)
-    return _one(target, library, {**dict.fromkeys(peer.integrators), **peer.drivers()})
+    return _one(target, library, {**dict.fromkeys((*peer.integrators, *peer.thermostats)), **peer.drivers()})
 
 
 def _one(target: str, library: str, known: Mapping[str, _Kind]) -> _Kind:

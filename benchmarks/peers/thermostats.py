@@ -1,0 +1,103 @@
+"""The page on the laws that other libraries' integrators of Langevin dynamics keep:
+``python -m benchmarks.peers.thermostats``.
+
+The integrators of all installed libraries whose noise can be given (`Peer.thermostats`) are tested.
+The page says how it is given, and why that of OpenMM's is not.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from benchmarks.peers.compliance_measurements import law_cells, release
+from benchmarks.peers.kept_measurements import measured
+from benchmarks.peers.options import measuring, page_options, put
+from sepv._version import __version__
+from sepv.console import markdown
+from sepv.law import Effort, Verdict
+from sepv.peers.peer import installed, load, names
+from sepv.verification import load_laws
+from sepv.verification._report import MARKS
+
+COMMAND = "python -m benchmarks.peers.thermostats"
+LAWS = (
+    "equilibrium",
+    "equilibrium:positions",
+    "poisson-map:conformal",
+    "deterministic-order",
+    "local-mean",
+    "local-mean-square",
+    "local-weak",
+    "mean-square-order",
+)
+# The laws whose defect is a power of h, which the table shows.
+POWERS = ("equilibrium", "deterministic-order", *LAWS[4:])
+
+INTRODUCTION = """\
+Each integrator runs through its own library's code, in float64, with the normal numbers that sepv gives it. Libraries
+of particles have one mass for each particle, so M is diagonal. The documentation or the method's name makes the
+claims (+). Beside a verdict stands the power of h that was measured. A violated law that is not claimed is no fault."""
+
+NOISE = """\
+## How the noise is given
+
+- **ASE**: by the argument `rng`, "Must have a standard_normal method matching the signature of
+  numpy.random.standard_normal". A step draws ξ and η. Its position moves by √h³σ(ξ/2 + η/(2√3)), so ξ = ΔW/√h and η is
+  √12/√h times the space-time area: `asks="space-time"`. With `fixcm=True`, the default, ASE "does not strictly sample
+  the correct NVT distributions" and deprecates it; here it is False.
+- **JAX MD**: it draws by `jax_md.simulate.Normal` from a key, and has no argument for the numbers. The adapter puts
+  given numbers in the place of this class while the step is compiled.
+- **TorchSim**: it draws by `torch.randn_like`, and has no argument for the numbers. The adapter replaces this function
+  during the step.
+- **OpenMM**: LangevinMiddleIntegrator draws in compiled code. Only a seed can be set, and "no guarantees are made about
+  the behavior of simulations that use the same seed" (`setRandomNumberSeed`). So no increments can be given, and it is
+  not measured. Its documentation says: "closely related to the BAOAB discretization … Both methods produce identical
+  trajectories, but LFMiddle returns half step (leapfrog) velocities".
+
+ASE gets velocities as differences of positions over h, "recalc velocities after RATTLE constraints are applied". So the
+roundings of q, divided by h, are in p. With the claimed order 2 the laws take no steps below 2⁻¹⁶ here.
+
+We read the docstrings and the source of the four integrators."""
+
+
+@click.command()
+@page_options(names())
+def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: int) -> None:
+    """Measure what other libraries' integrators of Langevin dynamics keep, and write the page."""
+    listed = [load(name) for name in libraries] if libraries else installed()
+    jobs = [(peer.library, scheme) for peer in listed for scheme in peer.thermostats.values()]
+    laws, effort = load_laws(LAWS), Effort(seed=seed, shrink_checks=50)
+    with measuring(keep) as line:
+        found = measured(
+            [cell for library, scheme in jobs for cell in law_cells(library, scheme, laws, effort)],
+            keep,
+            line,
+        )
+
+    def cell(name: str, law: str) -> str:
+        one = found[name, law]
+        power = f" {one['defect']:.2f}" if law in POWERS and one["defect"] is not None else ""
+        return MARKS[Verdict(one["verdict"])] + power + " +" * bool(one["claimed"])
+
+    table = [(law, *(cell(scheme.name, law) for _, scheme in jobs)) for law in LAWS]
+    versions = ", ".join(f"{library} {release(library)}" for library, _ in jobs)
+
+    def document(arguments: str) -> str:
+        parts = [
+            "# Langevin dynamics of other libraries",
+            f"Made by `{COMMAND}{arguments}` with sepv {__version__} and {versions}.",
+            INTRODUCTION,
+            markdown(("law", *(scheme.name for _, scheme in jobs)), table),
+            "## Where the claims come from",
+            "\n".join(f"- {scheme.source}" for _, scheme in jobs),
+            NOISE,
+        ]
+        return "\n\n".join(parts) + "\n"
+
+    put(out, document, libraries, seed)
+
+
+if __name__ == "__main__":
+    main()
