@@ -38,7 +38,8 @@ POWERS = ("equilibrium", "deterministic-order", *LAWS[4:])
 INTRODUCTION = """\
 Each integrator runs through its own library's code, in float64, with the normal numbers that sepv gives it. Libraries
 of particles have one mass for each particle, so M is diagonal. The documentation or the method's name makes the
-claims (+). Beside a verdict stands the power of h that was measured. A violated law that is not claimed is no fault."""
+claims (+). Beside a verdict stands the power of h that was measured, and "–" is violated. A violated law
+that is not claimed is no fault."""
 
 NOISE = """\
 ## How the noise is given
@@ -59,7 +60,11 @@ NOISE = """\
 ASE gets velocities as differences of positions over h, "recalc velocities after RATTLE constraints are applied". So the
 roundings of q, divided by h, are in p. With the claimed order 2 the laws take no steps below 2⁻¹⁶ here.
 
-We read the docstrings and the source of the four integrators."""
+The slope of *local-mean-square* is 3/2 for BAOAB. It is measured at steps down to 1e-8, where 1 − c₁² in "c2 =
+sqrt(kT*(1-c1²))" with "c1 = exp(-gamma*dt)" has lost half of its digits: 1.39 and 1.30. A NumPy step with
+−expm1(−2γh) in its place has 1.50. At usual step sizes this is no difference.
+
+We read the docstrings and the source of the three integrators, and the documentation of OpenMM's."""
 
 
 @click.command()
