@@ -53,8 +53,7 @@ def integrator(
     )
 
 
-# What a method that a library calls BAOAB claims: weak order 2, and what Leimkuhler and Matthews
-# (2013) show of it.
+# The laws that a library claims if it calls an integrator BAOAB.
 BAOAB = ("equilibrium", "equilibrium:positions", "poisson-map:conformal")
 
 

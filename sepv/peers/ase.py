@@ -50,7 +50,7 @@ def _advance(system: Mechanics, q: Array, p: Array, h: float) -> tuple[Array, Ar
 
 
 class _Given:
-    """An `rng` whose draws are given."""
+    """An `rng` that returns given draws."""
 
     def __init__(self, draws: Iterator[Array]) -> None:
         self.draws = draws
