@@ -17,9 +17,9 @@ import numpy as np
 from sepv import problems
 from sepv.errors import SepvError
 from sepv.law._law import Law, Measurement
-from sepv.law.cases.case import Case
+from sepv.law.cases.case import Case, with_noise
 from sepv.law.cases.ends import beyond, in_other_units
-from sepv.problem import Array, PolynomialSystem, Problem
+from sepv.problem import Array, PolynomialSystem, Problem, Systems
 from sepv.record import EPS
 from sepv.schemes import Scheme, ask
 
@@ -56,7 +56,12 @@ def advice(
         )
     # Where the bound is 0, equal bits are asked: the defect is one of roundings, and no sum over
     # parts.
-    share = _largest_share(case, again) if law.unit.startswith("ulp") and measured.bound else ""
+    noisy = bool(case.dW or scheme.deterministic or scheme.problems or scheme.systems is not Systems.SINGLE)
+    # A counterexample without noise has one part only, so that it gets a noise here.
+    parts = case if noisy else with_noise(case, (1.0,), (case.h,))
+    share = _largest_share(parts, again) if law.unit.startswith("ulp") and measured.bound else ""
+    if share:
+        share = f"\n{share}" if noisy else f"\nif the step gets a noise too, c1 = 1: {share}"
     return share + (
         _has_a_unit(case, again) or _may_be_a_tolerance(law, scheme, case, measured, largest, again)
     )
@@ -181,7 +186,7 @@ def _largest_share(case: Case, again: MeasuredAgain) -> str:
     total = sum(m.defect for m in alone.values())
     first = max(alone, key=lambda j: alone[j].defect)
     if alone[first].violates and alone[first].defect >= MOST * total:
-        return f"\nnearly all of it is in {_name(first)}: alone it makes {_defects(alone)}"
+        return f"nearly all of it is in {_name(first)}: alone it makes {_defects(alone)}"
     for j, k in combinations(loud, 2):
         both = of_parts({j: 1.0, k: 1.0})
         halves = [
@@ -189,7 +194,7 @@ def _largest_share(case: Case, again: MeasuredAgain) -> str:
         ]
         least = max(alone[j].defect, alone[k].defect) <= LEAST * both.defect
         if both.violates and least and halves and all(HALF[0] <= share <= HALF[1] for share in halves):
-            return f"\nnearly all of it is in the product of {_name(j)} and {_name(k)}, each of which alone makes none"
+            return f"nearly all of it is in the product of {_name(j)} and {_name(k)}, each of which alone makes none"
     return ""
 
 

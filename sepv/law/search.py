@@ -3,9 +3,8 @@ first in listed cases and then in random cases.
 
 Stored cases that once showed a violation come first (`sepv.law.corpus`). Then comes the design: for
 any two properties, such as d and the degree of H, its cases cover all pairs of ranges
-(`sepv.law.cases.strata`). Then Hypothesis draws random cases. If a case of the design violates the
-law, Hypothesis searches for a simpler case that does. If it finds none, the case of the design is
-simplified (`sepv.law.cases.shrink`).
+(`sepv.law.cases.strata`). If none of them violates the law, Hypothesis draws random cases.
+Whatever case violates the law is simplified in one way (`sepv.law.cases.shrink`).
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ from sepv.law.cases.ends import beyond, is_long
 from sepv.law.cases.fixed_cases import may_be_refused
 from sepv.law.cases.from_problem import describe, start_of
 from sepv.law.cases.of_law import ALL_CASES, Cases, Question
-from sepv.law.cases.shrink import in_known_units, in_strange_units, shrunk
+from sepv.law.cases.shrink import shrunk, size
 from sepv.law.cases.users_problems import objects_of, sources
 from sepv.law.middle import along_paths, anywhere
 from sepv.law.search_log import Check, SearchLog, conclude
@@ -70,30 +69,15 @@ MOST_FAULTS = 4
 Premise = Callable[[Scheme, Case], None]
 
 
-class _Violation(Exception):
-    """Raised inside a search: the case violates the law."""
+class _Violation(BaseException):
+    """Raised inside a search: the case violates the law.
 
-
-class _Fault(Exception):
-    """Raised inside a search: the case could not be measured."""
-
-
-class _Crash(_Fault):
-    """Raised inside a search: the scheme crashed. Hypothesis simplifies crashes apart from other
-    faults.
+    No Exception, so that Hypothesis lets it pass, and ends.
     """
 
 
-class _Budget:
-    """The number of measurements, and the time, that are left for simplifying a counterexample."""
-
-    def __init__(self, checks: int) -> None:
-        self.left, self.end = checks, time.perf_counter() + MOST_SECONDS
-
-    def spend(self) -> bool:
-        """Use one of the measurements that are left; False if none, or no time, is left."""
-        self.left -= 1
-        return self.left >= 0 and time.perf_counter() <= self.end
+class _Fault(BaseException):
+    """Raised inside a search: the case could not be measured. Hypothesis lets it pass too."""
 
 
 @dataclass(frozen=True)
@@ -217,21 +201,14 @@ def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Fi
     further = (_designed(question, effort.seed, n) for n in range(1, effort.designs))
     if why := _refuted(scheme, chain(known, first, fixed), question.premise):
         return law.finding(Verdict.NOT_APPLICABLE, message=why, seconds=time.perf_counter() - start)
-    _visit(log, scheme, chain(known, first, chain.from_iterable(further), fixed), question)
+    listed = iter((*known, *first))
+    _visit(log, scheme, chain(listed, chain.from_iterable(further), fixed), question)
     if log.lacking and log.checks:
         log.share = log.checks / (log.checks + log.lacking)
-    if not (log.failed and effort.shrink_checks == 0):
-        violation, fault = log.violation, log.fault
-        # Witnesses were simplified already, and fixed cases are simple, so a search would find no
-        # simpler violation.
-        if violation is None or violation[0] not in (*known, *fixed):
-            _explore(
-                log, scheme, effort, question, effort.examples * (1 if first else EXAMPLES_WITHOUT_DESIGN)
-            )
-        unchanged = (log.violation or log.fault) in (violation, fault)
-        strange = log.violation is not None and in_strange_units(log.violation[0])
-        if log.failed and (unchanged or strange):
-            _simplify(log, scheme, effort, question)
+    if log.violation is None:
+        _explore(log, scheme, effort, question, effort.examples * (1 if first else EXAMPLES_WITHOUT_DESIGN))
+    if log.failed:
+        _simplify(log, scheme, effort, question, listed)
     return replace(conclude(law, scheme, log, question.check), seconds=time.perf_counter() - start)
 
 
@@ -277,17 +254,13 @@ def _designed(question: _Question, seed: int, repeat: int) -> list[Case]:
 
 def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question, examples: int) -> None:
     """Measure random cases, chosen by Hypothesis to make defect/bound large,
-    and simplify the first violation.
+    up to the first case that cannot be measured. Of several violations the smallest case is kept.
     """
-    measured_before = log.checks
-    simplifying: _Budget | None = None
+    measured_before, violations = log.checks, list[Any]()
 
     def body(case: Case) -> None:
-        nonlocal simplifying
-        # Hypothesis ends its shrinking or its search if every further case passes. So every case
-        # passes when the budget is spent, or after too many refused cases.
-        if simplifying is not None and not simplifying.spend():
-            return
+        # Hypothesis ends its search if every further case passes. So every case passes after too
+        # many refused cases.
         if log.refused > MOST_SKIPPED * (1 + log.checks - measured_before):
             return
         try:
@@ -296,9 +269,11 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
             if not isinstance(skipped.__cause__, StepFailure):
                 reject()  # Hypothesis then draws another example; a refused step counts as an example
             return
-        except (_Violation, _Fault):
-            simplifying = simplifying or _Budget(effort.shrink_checks)
-            raise
+        except _Violation:
+            violations.append(log.violation)
+            if not effort.shrink_checks:
+                raise
+            return
         if 0 < measured.ratio < float("inf"):
             target(measured.ratio, label="defect / bound")
 
@@ -308,26 +283,21 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
         deadline=None,
         derandomize=False,
         print_blob=False,
-        report_multiple_bugs=True,
         verbosity=Verbosity.quiet,
-        phases=(Phase.generate, Phase.target, Phase.shrink),
+        phases=(Phase.generate, Phase.target),  # `_simplify` simplifies every violation
         # Hypothesis would complain of large and of slow examples. Cases are large, and a slow
         # scheme makes them slow.
         suppress_health_check=list(HealthCheck),
     )
     test = hypothesis_seed(effort.seed)(chosen(given(case=question.where.strategy)(body)))
     try:
-        with warnings.catch_warnings(), without_local_constants():
+        with warnings.catch_warnings(), without_local_constants(), suppress(_Violation, _Fault):
             warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
             test()
-    except KeyboardInterrupt:
-        raise
     except Unsatisfiable:
         if not log.skipped:
             raise
-    except BaseException:
-        if simplifying is None:
-            raise  # a defect of this suite, and not of the scheme, must not be hidden
+    log.violation = min(violations, key=lambda found: size(found[0]), default=log.violation)
 
 
 def _visit(log: SearchLog, scheme: Scheme, visited: Iterable[Case], question: _Question) -> None:
@@ -348,24 +318,21 @@ def _visit(log: SearchLog, scheme: Scheme, visited: Iterable[Case], question: _Q
     log.fault = faults[0] if faults else None
 
 
-def _simplify(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question) -> None:
+def _simplify(
+    log: SearchLog, scheme: Scheme, effort: Effort, question: _Question, others: Iterable[Case] = ()
+) -> None:
     """Replace the logged case by the simplest one found that also violates the law,
-    or also cannot be measured.
+    or also cannot be measured; `others` are cases of the law that were not measured.
     """
     case, _ = log.violation or log.fault or (None, None)
     assert case is not None
-    checks = log.checks
-    best, budget = (log.violation, log.fault, log.worst), _Budget(effort.shrink_checks)
-    tried = {case}  # each candidate is tried once, also if several simplified cases lead to it
-    known = in_known_units(case) if in_strange_units(case) else case
-    rescaled = known if question.where.in_units(known) else None
+    checks, end = log.checks, time.perf_counter() + MOST_SECONDS
+    left, best = effort.shrink_checks, (log.violation, log.fault, log.worst)
 
     def fails(candidate: Case) -> bool | None:
-        nonlocal best
-        if candidate in tried or not (candidate == rescaled or question.where.admits(candidate)):
-            return False
-        tried.add(candidate)
-        if not budget.spend():
+        nonlocal left, best
+        left -= 1
+        if left < 0 or time.perf_counter() > end:
             return None
         trial = SearchLog()
         with warnings.catch_warnings(), suppress(_Violation, _Fault, Skipped):
@@ -378,7 +345,7 @@ def _simplify(log: SearchLog, scheme: Scheme, effort: Effort, question: _Questio
             best = trial.violation, trial.fault, trial.worst or log.worst
         return same
 
-    shrunk(case, fails)
+    shrunk(case, fails, question.where.admits, others)
     log.violation, log.fault, log.worst = best
     log.checks = max(checks, log.checks)
 
@@ -401,9 +368,7 @@ def _measured(scheme: Scheme, case: Case, check: Check) -> Measurement:
 
 
 def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_violate: bool) -> Measurement:
-    """Measure and log one case, or raise _Violation or _Fault;
-    Hypothesis tells these apart by the line that raises.
-    """
+    """Measure and log one case, or raise _Violation or _Fault."""
     log.checks += 1
     note_case(lambda: cases_of.to_json(case))
     try:
@@ -446,7 +411,6 @@ def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_vi
         # as a result.
         if not isinstance(error, (SchemeFault, ArithmeticError)):
             log.crash = case, error
-            raise _Crash from error
         raise _Fault from error
     if log.worst is None or not measured.ratio <= log.worst.ratio:
         log.worst = measured

@@ -15,7 +15,7 @@ from sepv import Effort, Scheme, StatefulStep, problems, schemes
 from sepv.law import first_order
 from sepv.law.advice import advice, is_explicit
 from sepv.law.cases.ends import in_other_units
-from sepv.law.cases.shrink import in_strange_units, shrunk
+from sepv.law.cases.shrink import shrunk
 from sepv.law.cases.users_problems import items
 from sepv.law.power_of_h import power_of_h, words
 from sepv.law.search import _Question, _simplify
@@ -230,6 +230,11 @@ def test_init_that_remembers_an_earlier_run_is_named() -> None:
     kept = Scheme("starts otherwise", StatefulStep(init, heun, lambda y: y.copy()))
     message = verify(kept, laws="contract").finding("contract").message
     assert "counter" in message or "init or the scheme remembers an earlier run" in message
+
+
+def in_strange_units(case: Case) -> bool:
+    sizes = abs(case.h), max(map(abs, case.y))
+    return any(not 2.0**-16 <= size <= 2.0**16 for size in sizes)
 
 
 def test_a_counterexample_in_strange_units_is_shown_in_known_ones() -> None:

@@ -23,7 +23,8 @@ from sepv.faults.saboteurs import SABOTEURS
 from sepv.faults.saboteurs.noise import _with
 from sepv.files import fault
 from sepv.law import corpus, search
-from sepv.law.cases.case import to_json, to_token
+from sepv.law.cases.case import from_json, to_json, to_token
+from sepv.law.cases.shrink import size
 from sepv.problem import Array, Problem, Systems
 from sepv.verification import Case, Cases, Effort, Law, Measurement, Run, Verdict, load_laws, searched, verify
 from sepv.verification._verify import replay
@@ -222,9 +223,10 @@ def test_a_fault_that_is_known_is_found_at_once_and_simplified_from_there() -> N
     assert with_it.verdict is without.verdict is Verdict.VIOLATED
     quick = verify(scheme, laws=["casimir"], effort=Effort(shrink_checks=0)).findings[0]
     assert quick.checks == 1
-    assert quick.replay.endswith(to_token(corpus.witnesses("casimir", Systems.SINGLE)[0].case))
-    # Simplified from there: never to a longer one.
-    assert len(with_it.replay) <= len(quick.replay)
+    known = corpus.witnesses("casimir", Systems.SINGLE)[0].case
+    assert quick.replay.endswith(to_token(known))
+    # Simplified from there: never to a larger one.
+    assert size(from_json(with_it.witness)) <= size(known)
 
 
 def test_teeth_leave_the_corpus_out_unless_asked() -> None:

@@ -2,11 +2,13 @@
 and cases lie where their row says.
 """
 
+import math
 import re
 import time
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
+from typing import Any
 
 import doors
 import numpy as np
@@ -18,20 +20,22 @@ from sepv.properties._long_steps import for_energy, long_steps
 
 from sepv import Skipped, problems, schemes
 from sepv.faults.saboteurs import SABOTEURS
-from sepv.law import corpus
+from sepv.law import corpus, search
 from sepv.law.cases import case as cases
 from sepv.law.cases.case import to_json
 from sepv.law.cases.classes import CLASSES
 from sepv.law.cases.clipped import PROBES
 from sepv.law.cases.covering import pairwise, shown_pairs
 from sepv.law.cases.ends import beyond, in_other_units
+from sepv.law.cases.families import body
 from sepv.law.cases.fixed_cases import fixed_cases
+from sepv.law.cases.from_problem import is_near
 from sepv.law.cases.random_parts import ALL_COMPONENTS_DIMENSION
 from sepv.law.cases.shrink import shrunk
 from sepv.law.cases.strata import EXTREME_SIZES, NEAR, STILL, UNDONE, UNEVEN, Levels, Space
 from sepv.law.contraction import contraction_radius
 from sepv.law.search import MOST_SKIPPED
-from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, Systems, mechanics
+from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, Systems, mechanics, vector_field
 from sepv.problems.shown_to_schemes import GIVEN, shown
 from sepv.schemes import Scheme, ask, energy_preserving, milstein
 from sepv.verification import Case, Cases, Effort, Verdict, load_laws, replay, step_residual, verify
@@ -218,6 +222,70 @@ def test_a_fault_of_a_pair_of_strata_is_found_and_its_counterexample_replays(bro
     assert again.verdict is Verdict.VIOLATED
 
 
+# Each factor of a design with a fault that shows in one of its strata alone, and what is left of a
+# counterexample: (d, m, terms of H and B) are at most this.
+FACTORS: dict[str, tuple[Any, tuple[int, int, int]]] = {
+    "dimension": (lambda p, *_: p.dimension >= 8, (8, 0, 2)),
+    "degree": (lambda p, *_: (p.degree or 0) >= 6, (2, 0, 2)),
+    "noises": (lambda p, *_: p.noises >= 3, (2, 3, 2)),
+    "step size": (lambda p, y, h, dW: 0 < abs(p.random_step(h, dW)) < 1e-4, (2, 0, 2)),
+    "state size": (lambda p, y, h, dW: np.max(np.abs(y)) > 1e4, (2, 0, 2)),
+    "structure": (lambda p, *_: bool(p.casimirs), (3, 0, 4)),
+}
+
+
+@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize("listed", [True, False])
+def test_a_fault_of_each_factor_is_shown_in_a_small_case(factor, listed, monkeypatch) -> None:
+    """Whether a listed case shows it or a random one: there is one way to simplify."""
+    shows, (d, m, terms) = FACTORS[factor]
+    if not listed:
+        monkeypatch.setattr(search, "_visit", lambda _log, _scheme, visited, _question: list(visited))
+    found = doors.finding(faulty(shows), "energy", examples=8 if listed else 200, corpus=False)
+    assert found.verdict is Verdict.VIOLATED
+    case = cases.from_json(found.witness)
+    assert (len(case.y) <= max(d, 3), len(case.dW) <= max(m, 1)) == (True, True), case.describe()
+    if isinstance(system := case.problem, PolynomialSystem):
+        count = len(system.hamiltonian.terms) + sum(len(p.terms) for _, _, p in system.structure)
+        assert (len(case.y) <= d, len(case.dW) <= m, count <= terms) == (True,) * 3, case.describe()
+        numbers = [v for v in (*case.y, *case.dW) if v]
+        assert all(float(f"{v:.1e}") == v or math.log2(abs(v)).is_integer() for v in numbers), numbers
+    assert replay(faulty(shows), "energy", found.witness).verdict is Verdict.VIOLATED
+
+
+def test_simplifying_ends_after_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search, "MOST_SECONDS", 0.0)
+    ended = doors.finding("milstein", "casimir", corpus=False)
+    as_found = doors.finding("milstein", "casimir", corpus=False, shrink_checks=0)
+    assert (ended.witness, ended.checks) == (as_found.witness, as_found.checks)
+
+
+def test_only_the_state_and_the_step_of_a_users_problem_are_simplified() -> None:
+    """They stay where its cases are drawn: the problem, its domain and its initial state are the
+    user's.
+    """
+    for name in ("lotka-volterra", "pendulum"):
+        found = doors.finding("midpoint", "energy", name, corpus=False)
+        problem = problems.by_name(name)
+        case = cases.from_json(found.witness)
+        assert case.problem == problem.data
+        assert is_near(case)
+        assert sum(a != b for a, b in zip(case.y, problem.initial, strict=True)) <= 1, case.describe()
+
+
+def test_a_familys_counterexample_stays_in_the_family_with_fewer_terms() -> None:
+    def euler(problem, y, h, dW):
+        return y + problem.random_step(h, dW) * vector_field(problem, y)
+
+    found = doors.finding(euler, "energy", "canonical-separable")
+    system = cases.from_json(found.witness).problem
+    assert isinstance(system, PolynomialSystem)
+    assert system.structure == problems.canonical(system.dimension)
+    assert len(system.hamiltonian.terms) <= 2
+    half = system.dimension // 2
+    assert all(not any(e[:half]) or not any(e[half:]) for e, _ in system.hamiltonian.terms)
+
+
 def test_a_counterexample_of_a_design_is_simplified() -> None:
     case = next(c for row, c in SINGLE.cases(0) if SINGLE.levels(row)["d"].name == "7–9")
     small = shrunk(case, lambda c: c.problem.dimension >= 4)
@@ -268,20 +336,21 @@ def test_what_a_search_finds_does_not_depend_on_the_clock() -> None:
 
 def test_simplifying_ends_where_states_of_one_and_of_minus_one_both_fail() -> None:
     """Each was once taken for simpler than the other, until the budget was spent."""
-    case = Case(problems.rigid_body().data, (-1.0, 1.0, -1.0), 0.125, (0.25,))
+    case = Case(body((1.0, 0.5, 0.25), (1.0, 0.0, 0.0, 0.0), (1.0,)), (-1.0, 1.0, -1.0), 0.0, (0.0,))
     asked: list[Case] = []
 
     def fails(candidate: Case) -> bool | None:
         asked.append(candidate)
-        return None if len(asked) > 100 else all(abs(v) == 1 for v in candidate.y)
+        signs = len(candidate.y) == 3 and all(abs(v) == 1 for v in candidate.y)
+        return None if len(asked) > 100 else signs
 
     assert shrunk(case, fails).y == (1.0, 1.0, 1.0)
-    assert len(asked) < 20
+    assert len(asked) < 60
 
 
 def test_a_counterexample_is_simplified_with_so_many_checks_and_no_more() -> None:
     as_found, few, many = (
-        doors.finding("milstein", "casimir", examples=1, shrink_checks=n).checks for n in (0, 5, 50)
+        doors.finding("milstein", "casimir", shrink_checks=n, corpus=False).checks for n in (0, 5, 50)
     )
     assert as_found < few <= as_found + 6 < many
 

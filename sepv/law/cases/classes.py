@@ -43,6 +43,8 @@ class SystemsClass:
         Cases that are measured with every seed.
     problems : names of problems, or functions that make one
         Problems on which laws about many steps run a scheme that is only for this class.
+    any_terms : bool
+        True if a system of the class stays in it when H loses terms or its coefficients change.
     """
 
     space: Space
@@ -50,6 +52,7 @@ class SystemsClass:
     more: tuple[Callable[[Random], Case | None], ...] = ()
     fixed: Callable[[], Iterable[Case]] = tuple
     problems: tuple[str | Callable[[], Problem], ...] = ()
+    any_terms: bool = False
 
 
 def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
@@ -98,7 +101,7 @@ CLASSES: dict[Systems, SystemsClass] = {
     ),
     Systems.CANONICAL_SEPARABLE: SystemsClass(
         _space(maker(families.canonical_separable, (2, 4, 6)), d=("2", "4–6"), **_SMALL),
-        problems=("harmonic-oscillator", "pendulum"),
+        problems=("harmonic-oscillator", "pendulum"), any_terms=True,
     ),
     Systems.MECHANICAL: SystemsClass(
         _space(maker(families.mechanical, (2, 4, 6)), strata.MASS, strata.POTENTIAL, d=("2", "4–6"), **_SMALL),
@@ -106,7 +109,7 @@ CLASSES: dict[Systems, SystemsClass] = {
     ),
     Systems.LIE_POISSON: SystemsClass(
         _space(maker(families.lie_poisson, (3, 6)), strata.ALGEBRA, d=("3", "4–6"), **_SMALL),
-        problems=("rigid-body",),
+        problems=("rigid-body",), any_terms=True,
     ),
     Systems.RIGID_BODIES: SystemsClass(
         _space(maker(families.rigid_body), strata.INERTIA, d=("3",), **_BODIES),

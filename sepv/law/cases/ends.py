@@ -151,3 +151,10 @@ def _exponents(case: Case, system: PolynomialSystem, power: int) -> Iterator[flo
     for weight, p in fields:
         yield from (end * p.degree for end in ends)
         yield from (math.log2(abs(c)) + power * (weight - sum(e)) for e, c in p.terms)
+
+
+def in_known_units(case: Case) -> list[Case]:
+    """The case in units of y and of time in which |y| and |h| are near 1, and in units halfway."""
+    size = max(map(abs, case.y), default=0.0) or 1.0
+    power, time = -math.log2(size), -math.log2(abs(case.h)) / 2 if case.h else 0.0
+    return [in_other_units(case, round(share * power), round(share * time)) for share in (1.0, 0.5)]

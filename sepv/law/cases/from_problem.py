@@ -35,9 +35,13 @@ from sepv.problem import (
 EXACT_NAMES = frozenset(named.PAPER)
 
 
+# Components of states near an initial state a lie between a times these numbers, or up to AWAY
+# above. Without an initial state they are at most FARTHEST.
+PERTURBED, AWAY, FARTHEST = (0.5, 1.5), 0.3, 2.0
+
 # Strategies are made once: Hypothesis validates each new one, which costs as much as its draws.
 _SIGNS = st.sampled_from([1.0, -1.0])
-_PERTURBED, _AWAY = st.floats(0.5, 1.5), st.sampled_from([0.0, 0.1, 0.3])
+_PERTURBED, _AWAY = st.floats(*PERTURBED), st.sampled_from([0.0, 0.1, AWAY])
 # The distance of a state from the initial one as a share of the usual distance. A scheme that has
 # the level of the initial state built in may correct only states near to this level.
 _NEAR_START = st.sampled_from([1.0, 1.0, 2.0**-7, 2.0**-14, 2.0**-21])
@@ -49,7 +53,8 @@ _PARTS = st.one_of(st.just(1.0), st.floats(0, 1 - 2.0**-10).map(lambda x: 1 - x)
 _SHARES = st.sampled_from([1.0, 0.5, 0.25, 2.0**-6])
 # Components below 1e-6 become zero: states of extreme size have their own cases.
 _COMPONENTS = st.one_of(
-    st.sampled_from([1.0, 0.0, -1.0]), st.floats(-2.0, 2.0).map(lambda x: x if abs(x) >= 1e-6 else 0.0)
+    st.sampled_from([1.0, 0.0, -1.0]),
+    st.floats(-FARTHEST, FARTHEST).map(lambda x: x if abs(x) >= 1e-6 else 0.0),
 )
 
 
@@ -107,19 +112,35 @@ def near(draw: st.DrawFn, description: Description) -> Case:
     """
     problem = named.build(description)
     y = _state(draw, problem)
+    radius = _radius(description, problem, y)
+    assume(radius > 0)
+    return draw(steps_within(description, y, radius * draw(_SHARES)))
+
+
+def is_near(case: Case) -> bool:
+    """True if a case has a state and a step as `near` draws them of its problem."""
+    problem, y, h, dW = case.build()
+    if problem.initial is None:
+        inside = bool(np.max(np.abs(y)) <= FARTHEST)
+    else:
+        a = np.asarray(problem.initial)
+        sides = PERTURBED[0] * a, PERTURBED[1] * a
+        inside = bool(np.all((np.minimum(*sides) <= y) & (y <= np.maximum(*sides) + AWAY)))
+    length = abs(h) + float(np.abs(problem.c * dW).sum())
+    return inside and _inside(problem, y) and 0 < h <= 1 and length <= _radius(case.problem, problem, case.y)
+
+
+def _radius(description: Description, problem: Problem, y: tuple[float, ...]) -> float:
     if isinstance(description, PolynomialSystem):
-        radius = min(contraction_radius(problem, np.array(y)), 4.0)
-    elif (
+        return min(contraction_radius(problem, np.array(y)), 4.0)
+    if (
         isinstance(description, NamedProblem)
         and problem.longest_step is not None
         # A problem's longest step refers to its default parameters.
         and description == named.by_name(description.name).data
     ):
-        radius = problem.longest_step
-    else:
-        radius = min(measured_radius(problem, np.array(y)), 4.0)
-    assume(radius > 0)
-    return draw(steps_within(description, y, radius * draw(_SHARES)))
+        return problem.longest_step
+    return min(measured_radius(problem, np.array(y)), 4.0)
 
 
 @st.composite

@@ -79,11 +79,9 @@ class Question:
 
     design: Callable[[int], list[Case]]  # the cases of the design for a seed
     strategy: Strategy
-    admits: Callable[[Case], bool]  # True for cases to which a counterexample may be simplified
+    # True if the first case, a simpler form of the second, is a case of the law too.
+    admits: Callable[[Case, Case], bool]
     fixed: tuple[Case, ...] = ()
-    # True for cases to which a change of units alone may lead: a family has its systems in all
-    # units.
-    in_units: Callable[[Case], bool] = lambda _: False
 
 
 @dataclass(frozen=True)
@@ -185,6 +183,9 @@ class Cases:
         """True if the law applies to the case without a change of the case."""
         return self.adapted(case) == case
 
+    def _keeps(self, new: Case, _old: Case) -> bool:
+        return self.admits(new)
+
     def of_class(self, systems: Systems) -> Question | str:
         """The cases for a scheme that accepts all systems of a class,
         or the reason why there are none.
@@ -199,17 +200,18 @@ class Cases:
             return Question(
                 lambda seed: self.all_adapted(make(Random(f"{seed} {n}")) for n in range(count)),
                 drawn_alone,
-                self.admits,
+                self._keeps,
             )
         source = self.instead.get(systems, systems)
         if not isinstance(source, Systems):
-            return Question(lambda _: [], self._adapting(source()), self.admits)
+            return Question(lambda _: [], self._adapting(source()), self._keeps)
         own, space = CLASSES[source], self.space(systems)
         assert space is not None
         if not all(axis.strata for axis in space.axes):
             return "the class has no systems that the law speaks of"
-        drawn = [space.strategy()] * 2
-        drawn += [near(d) for d in _data(own.named) if self.adapted(start_of(d)) is not None]
+        drawn = [near(d) for d in _data(own.named) if self.adapted(start_of(d)) is not None]
+        # Half of the draws are random systems. `one_of` counts the same strategy once.
+        drawn += [space.strategy() for _ in range(max(1, len(drawn)))]
         drawn += [_present(st.randoms(use_true_random=False).map(f)) for f in own.more]
         listed = (*own.fixed(), *(self.fixed[systems]() if systems in self.fixed else ()))
         return Question(
@@ -217,7 +219,7 @@ class Cases:
                 [*(c for _, c in space.cases(seed)), *space.further(seed).values()]
             ),
             self._adapting(st.one_of(drawn)),
-            self.admits,
+            self._keeps,
             tuple(self.all_adapted(listed)),
         )
 
@@ -242,9 +244,8 @@ class Cases:
         return Question(
             lambda seed: self.all_adapted(case for item in usable for case in item.design(seed, self.where)),
             self._adapting(drawn),
-            lambda _: False,
+            lambda new, old: self.admits(new) and all(item.keeps(new, old) for item in usable),
             tuple(self.all_adapted(fixed)),
-            self.admits if len(families) == len(usable) else lambda _: False,
         )
 
     def all_adapted(self, cases: Iterable[Case]) -> list[Case]:

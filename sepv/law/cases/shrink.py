@@ -1,15 +1,13 @@
-"""Simplify a case that violates a law, as a reader would: drop a term, a noise or a dimension,
-or round a number.
-
-Hypothesis shrinks its own examples. Cases that come from a list (a law's design) need this module,
-because Hypothesis may not find a rare violation again.
+"""Simplify a case that violates a law, as a reader would: take a smaller case of the law,
+drop a term, a noise or a dimension, or round a number.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from itertools import chain, islice
 from typing import Any
 
 import numpy as np
@@ -17,45 +15,87 @@ import numpy as np
 from sepv import problems
 from sepv.errors import SepvError
 from sepv.law.cases.case import Case
-from sepv.law.cases.ends import in_other_units
+from sepv.law.cases.ends import in_known_units
+from sepv.law.cases.families import algebra
+from sepv.law.cases.from_problem import is_near
 from sepv.law.contraction import contraction_radius
 from sepv.problem import PolynomialSystem, Structure
 from sepv.record import Polynomial, poly
 
-# States and steps beyond UNITS_LIMIT or below 1/UNITS_LIMIT are shown in other units, if the law is
-# violated there too.
-UNITS_LIMIT = 2.0**16
+# The most cases of the law that are tried before a case is changed, the smallest first.
+OTHERS = 50
 
 
-def shrunk(case: Case, fails: Callable[[Case], bool | None]) -> Case:
+def shrunk(
+    case: Case,
+    fails: Callable[[Case], bool | None],
+    admits: Callable[[Case, Case], bool] = lambda _new, _old: True,
+    others: Iterable[Case] = (),
+) -> Case:
     """The simplest case found that still fails.
 
-    `fails` returns True if a candidate is one of the law's cases and still fails; None ends the
-    search. Candidates outside the contraction radius are not tried, because they may have no
-    solution.
+    Parameters
+    ----------
+    fails : case -> bool or None
+        True if a candidate still fails; None ends the search.
+    admits : (new, old) -> bool
+        True if `new`, a change of `old`, is a case of the law too. Changes that lead outside the
+        contraction radius, or away from a problem's initial state, are not tried, because the step
+        may have no solution.
+    others : cases
+        Cases of the law. The smallest are tried before any change.
     """
-    simpler = True
+    tried, start, simpler = {case}, 0, True  # each candidate is tried once
+    smaller = sorted((other for other in others if size(other) < size(case)), key=size)[:OTHERS]
+
+    def changes(old: Case) -> Iterator[tuple[int, Case]]:
+        # Kinds of changes that failed a moment ago come last.
+        numbered = enumerate(_candidates(old))
+        first = list(islice(numbered, start))
+        for n, new in chain(numbered, first):
+            if new not in tried and _stands(new, old) and admits(new, old):
+                yield n, new
+
+    candidates: Iterator[tuple[int, Case]] = chain(((0, other) for other in smaller), changes(case))
     while simpler:
         simpler = False
-        for candidate in _candidates(case):
-            failed = _stands(candidate) and fails(candidate)
+        for n, candidate in candidates:
+            tried.add(candidate)
+            failed = fails(candidate)
             if failed is None:
                 return case
             if failed:
-                case, simpler = candidate, True
+                case, start, simpler, candidates = candidate, n, True, changes(candidate)
                 break
     return case
 
 
-def _stands(case: Case) -> bool:
-    """True if the simplified case is a valid problem with a step inside its contraction radius."""
+def size(case: Case) -> tuple[int, int]:
+    """The size of a case: the number of variables, noises and terms, then the length of numbers.
+
+    A problem without data counts as ten terms.
+    """
+    system, count = case.problem, 10 + len(case.y) + len(case.dW) + case.after + (case.given != "data")
+    numbers = [*case.y, case.h, *case.dW]
+    if isinstance(system, PolynomialSystem):
+        entries = (p for B in (system.structure, *system.noise_structures) for _, _, p in B)
+        terms = [t for p in (system.hamiltonian, *system.noise_hamiltonians, *entries) for t in p.terms]
+        count, numbers = count + len(terms) - 10, [*numbers, *system.noise, *(c for _, c in terms)]
+    return count, sum(len(repr(v)) for v in numbers)
+
+
+def _stands(new: Case, old: Case) -> bool:
+    """True if the simplified case is a valid problem with a step inside its contraction radius, or
+    a part of the old step of a problem that is no polynomial data.
+    """
     try:
-        problem, y, h, dW = case.build()
+        problem, y, h, dW = new.build()
     except SepvError:  # a matrix is no longer a Casimir, or a structure no longer agrees with its factor g
         return False
-    if not isinstance(case.problem, PolynomialSystem):
-        return True
-    return abs(h) + float(np.abs(problem.c * dW).sum()) <= contraction_radius(problem, y)
+    if isinstance(new.problem, PolynomialSystem):
+        return abs(h) + float(np.abs(problem.c * dW).sum()) <= contraction_radius(problem, y)
+    shares = zip((h, *dW), (old.h, *old.dW), strict=True)
+    return (new.y == old.y and all(abs(a) <= abs(b) for a, b in shares)) or is_near(new)
 
 
 def _candidates(case: Case) -> Iterator[Case]:
@@ -63,43 +103,37 @@ def _candidates(case: Case) -> Iterator[Case]:
     if case.given != "data":
         yield replace(case, given="data")
     yield from (replace(case, after=n) for n in (0, *range(1, case.after)) if case.after)
-    if in_strange_units(case) and not in_strange_units(known := in_known_units(case)):
-        yield known
+    if isinstance(case.problem, PolynomialSystem):
+        yield from (new for new in in_known_units(case) if size(new) < size(case))
     if case.batch > 2:
         yield from (replace(case, batch=b) for b in (2, case.batch // 2, case.batch - 1))
     system = case.problem
     if isinstance(system, PolynomialSystem):
         yield from _smaller_systems(case, system)
+    yield from _shorter_numbers(case)
+
+
+def _shorter_numbers(case: Case) -> Iterator[Case]:
+    """Cases with shorter numbers in y, dW and h: first in all of them, then in one."""
+    for n in range(2):
+        y, dW, (h,) = (tuple(_shorter(v)[-n] for v in values) for values in (case.y, case.dW, (case.h,)))
+        yield replace(case, y=y, dW=dW, h=h)
+    # A state as the problem has it is the simplest.
+    start = None if isinstance(case.problem, PolynomialSystem) else problems.build(case.problem).initial
     for k, v in enumerate(case.y):
         # Only values before v in this order are simpler: otherwise 1 and −1 would alternate until
         # the budget is spent.
-        for simple in (0.0, 1.0, -1.0, _rounded(v)):
+        given = () if start is None else (float(np.asarray(start)[k]),)
+        for simple in (*given, 0.0, 1.0, -1.0, *_shorter(v)):
             if simple == v:
                 break
             yield replace(case, y=_put(case.y, k, simple))
     for k, v in enumerate(case.dW):
-        for simple in (0.0, _rounded(v)):
-            if simple != v:
-                yield replace(case, dW=_put(case.dW, k, simple))
-    if case.h != _rounded(case.h):
-        yield replace(case, h=_rounded(case.h))
-
-
-def in_strange_units(case: Case) -> bool:
-    """True for a case as data whose |y| or |h| is far from 1.
-    In other units of y and time it says the same.
-    """
-    if not isinstance(case.problem, PolynomialSystem):
-        return False
-    sizes = [v for v in (abs(case.h), max(map(abs, case.y), default=0.0)) if v]
-    return any(not 1 / UNITS_LIMIT <= size <= UNITS_LIMIT for size in sizes)
-
-
-def in_known_units(case: Case) -> Case:
-    """The case in units of y and of time in which |y| and |h| are near 1."""
-    size = max(map(abs, case.y), default=0.0) or 1.0
-    time = -round(math.log2(abs(case.h)) / 2) if case.h else 0
-    return in_other_units(case, -round(math.log2(size)), time)
+        for simple in (0.0, *_shorter(v)):
+            if simple == v:
+                break
+            yield replace(case, dW=_put(case.dW, k, simple))
+    yield from (replace(case, h=h) for h in (abs(case.h), *_shorter(case.h)) if h != case.h)
 
 
 def _put(entries: tuple[Any, ...], n: int, *new: Any) -> tuple[Any, ...]:
@@ -107,9 +141,12 @@ def _put(entries: tuple[Any, ...], n: int, *new: Any) -> tuple[Any, ...]:
     return (*entries[:n], *new, *entries[n + 1 :])
 
 
-def _rounded(v: float) -> float:
-    """The largest power of two that is at most |v|, with the sign of v; 0 for v = 0."""
-    return float(np.sign(v) * 2.0 ** np.floor(np.log2(abs(v)))) if v else 0.0
+def _shorter(v: float) -> tuple[float, ...]:
+    """Numbers near v that are shorter to read, the shortest first: the largest power of two that is
+    at most |v|, and two digits; only v itself if it is 0 or a power of two.
+    """
+    power = math.copysign(2.0 ** math.floor(math.log2(abs(v))), v) if v else 0.0
+    return (v,) if v == power else (power, float(f"{v:.1e}"))
 
 
 def _smaller_systems(case: Case, system: PolynomialSystem) -> Iterator[Case]:
@@ -122,6 +159,12 @@ def _smaller_systems(case: Case, system: PolynomialSystem) -> Iterator[Case]:
         fewer: dict[str, Any] = {key: _put(getattr(system, key), j) for key in keys}
         yield replace(case, problem=replace(system, **fewer), dW=_put(case.dW, j))
     yield from (replace(case, problem=simpler) for simpler in _simpler_systems(system))
+    d, B, quadratic, _ = algebra("so(3)")
+    if system.casimirs and system.nambu is None and not system.noise_structures and system.structure != B:
+        rest = replace(system, structure=(), casimirs=(), linear_casimirs=())
+        while rest.dimension > d:
+            rest = _without(rest, rest.dimension - 1)
+        yield replace(case, problem=replace(rest, structure=B, casimirs=quadratic), y=case.y[:d])
 
 
 def _simpler_systems(system: PolynomialSystem) -> Iterator[PolynomialSystem]:
@@ -130,6 +173,7 @@ def _simpler_systems(system: PolynomialSystem) -> Iterator[PolynomialSystem]:
         yield replace(system, casimirs=(), linear_casimirs=())
     for n in range(len(system.polynomial_casimirs)):
         yield replace(system, polynomial_casimirs=_put(system.polynomial_casimirs, n))
+    yield replace(system, noise=(1.0,) * len(system.noise))
     for H in _simpler(system.hamiltonian):
         yield replace(system, hamiltonian=H)
     for n, other in enumerate(system.noise_hamiltonians):
@@ -148,8 +192,8 @@ def _simpler_systems(system: PolynomialSystem) -> Iterator[PolynomialSystem]:
 
 
 def _simpler(p: Polynomial) -> Iterator[Polynomial]:
-    """Polynomials with half of the terms, with one term less,
-    and with coefficients ±1 or powers of two.
+    """Polynomials with half of the terms, with one term less, with one factor y_k^n less,
+    and with coefficients 1, powers of two or of two digits.
     """
     terms = p.terms
     if len(terms) > 3:
@@ -158,10 +202,12 @@ def _simpler(p: Polynomial) -> Iterator[Polynomial]:
     if len(terms) > 1:
         yield from (poly.polynomial(p.dimension, _put(terms, t)) for t in range(len(terms)))
     for t, (e, c) in enumerate(terms):
-        for simple in (1.0, _rounded(c)):
-            if simple != c:
-                yield poly.polynomial(p.dimension, _put(terms, t, (e, simple)))
+        fewer = (_put(e, k, 0) for k in range(p.dimension) if 0 < e[k] < sum(e))
+        yield from (poly.polynomial(p.dimension, _put(terms, t, (powers, c))) for powers in fewer)
+        for simple in (1.0, *_shorter(c)):
+            if simple == c:
                 break
+            yield poly.polynomial(p.dimension, _put(terms, t, (e, simple)))
 
 
 def _simpler_structures(B: Structure) -> Iterator[Structure]:

@@ -8,7 +8,7 @@ An item is a problem (by name, ``module:attribute``, file, record or data), a fa
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from hypothesis import HealthCheck, Phase, Verbosity, given, settings
@@ -20,6 +20,7 @@ from sepv._arguments import did_you_mean
 from sepv.errors import UsageError
 from sepv.law.cases.case import Case
 from sepv.law.cases.classes import FAMILIES
+from sepv.law.cases.ends import in_known_units
 from sepv.law.cases.from_problem import describe, of_case, start_of
 from sepv.law.cases.strata import Space, Strata
 from sepv.problem import NamedProblem, PolynomialSystem, Problem, Systems
@@ -35,6 +36,7 @@ class Item:
     problems: tuple[Problem, ...] = ()  # problems with an initial state, for laws about many steps
     fixed: Problem | None = None  # the only problem: a law then needs no draws to see if it applies
     space: Space | None = None  # the space of cases of a family
+    any_terms: bool = False  # as of a `SystemsClass`
 
     def design(self, seed: int, where: Mapping[str, Strata]) -> list[Case]:
         """Cases of a family that cover all pairs of property ranges (strata);
@@ -51,6 +53,20 @@ class Item:
             return None
         part = self.space.part(where)
         return part if all(axis.strata for axis in part.axes) else self.space.part()
+
+    def keeps(self, new: Case, old: Case) -> bool:
+        """True if `new`, a simpler form of `old`, is a case of the item too.
+
+        Of one problem only the state and the step may change. A case of a family may be in other
+        units and have fewer noises, and in some families another H with the same terms or fewer.
+        What a strategy draws, no other case can replace.
+        """
+        if self.space is None:
+            return self.fixed is not None and new.problem == old.problem
+        if isinstance(old.problem, PolynomialSystem) and new in in_known_units(old):
+            return True
+        changed = ("noise", "hamiltonian") if self.any_terms else ("noise",)
+        return replace(new.problem, **{key: getattr(old.problem, key) for key in changed}) == old.problem
 
     def meets(self, adapted: Callable[[Case], Case | None], where: Mapping[str, Strata]) -> bool:
         """True if a law applies to the item: to its one problem, a case of its family,
@@ -105,7 +121,7 @@ def _item(asked: Any) -> Item:
     if family in FAMILIES:
         narrow = FAMILIES[Systems(family)]
         problems = tuple(named.by_name(p) if isinstance(p, str) else p() for p in narrow.problems)
-        return Item(text, narrow.space.part().strategy(), problems, space=narrow.space)
+        return Item(text, narrow.space.part().strategy(), problems, None, narrow.space, narrow.any_terms)
     value = load_object(text) if ":" in text and not text.endswith(".json") else asked
     if not isinstance(value, (st.SearchStrategy, Problem)) and callable(value):
         of_hypothesis = getattr(value, "__module__", "").startswith("hypothesis")
