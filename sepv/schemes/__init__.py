@@ -59,7 +59,7 @@ from sepv.schemes._load_target import as_twin, load_object, require_trusted, wor
 from sepv.schemes._load_target import load_problem as load_problem
 from sepv.schemes._load_target import load_scheme as load_scheme
 from sepv.schemes._midpoint import formula as midpoint_formula
-from sepv.schemes._modified_weak_two import structure_curvature, structure_slope
+from sepv.schemes._modified_weak_two import step_and_variance, structure_curvature, structure_slope
 from sepv.schemes._one_step import RANDOM_STEP as RANDOM_STEP
 from sepv.schemes._one_step import Explicit as Explicit
 from sepv.schemes._one_step import (

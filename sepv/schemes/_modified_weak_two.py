@@ -35,9 +35,13 @@ c_jΔW_j alone.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
 import numpy as np
 
-from sepv.core.formula import Increment
+from sepv.core.formula import Increment, Values
 from sepv.problem import Array, Problem, average_gradient, dot, matmul, matvec, slope_along, turned_along
 from sepv.schemes._one_step import CLAIMS_OF_ALL, Implicit, one_step
 
@@ -48,6 +52,8 @@ MIDDLE = -490.0
 # width has the units of y, and near y = 0 rounding errors are of the order of a rounding of the
 # step.
 WIDTH = 2.0**-4
+# A number that no square that matters is near: it keeps a quotient 0/0 from being no number.
+SMALLEST = 5e-324
 
 
 def structure_slope(problem: Problem, y: Array, w: Array, length: Array | float = 1.0) -> Array:
@@ -107,29 +113,54 @@ def correction(problem: Problem, middle: Array, mean: Array, variance: Array) ->
     for g = `mean` and 3c²h = `variance`.
     """
     B = problem.structure(middle)
-    f = matvec(B, mean)
-    length = np.sqrt(np.abs(variance)) * np.max(np.abs(f), axis=0)
+    length = np.sqrt(np.abs(variance)) * np.max(np.abs(matvec(B, mean)), axis=0)
     curved = gradient_slope(problem, middle, length)
     curved = 0.5 * (curved + np.swapaxes(curved, 0, 1))  # differences are not symmetric
-    turned = structure_slope(problem, middle, f, length)
+
+    def along(w: Array, times: int) -> Array:
+        slope = structure_slope if times == 1 else structure_curvature
+        return slope(problem, middle, w, length)
+
+    return np.asarray(expanded(B, curved, mean, along))
+
+
+def expanded(B: Values, curved: Values, mean: Values, along: Callable[[Values, int], Values]) -> Values:
+    """S₃ from B, H″ = `curved` and g = `mean`, on arrays (d, d, M) or symbols (d, d).
+
+    `along(w, n)` is the derivative number n = 1, 2 of B in the direction w.
+    """
+    f = matvec(B, mean)
+    turned = along(f, 1)
     acceleration = matvec(turned, mean) + matvec(B, matvec(curved, f))
     BH = matmul(B, curved)
     crossed = matmul(BH, turned)
-    total = structure_slope(problem, middle, acceleration, length)
-    total = total - 0.5 * structure_curvature(problem, middle, f, length)
+    total = along(acceleration, 1) - 0.5 * along(f, 2)
     return (total + crossed - np.swapaxes(crossed, 0, 1) + matmul(matmul(BH, BH), B)) / 12
 
 
-def limited(change: Array, structure: Array) -> Array:
-    """The matrix change/(1 + θ²), (d, d, M), with θ = |change|/|structure|:
+def limited(change: Values, structure: Values) -> Values:
+    """The matrix change/(1 + θ²), (d, d, ...), with θ = |change|/|structure|:
     its norm is at most |structure|/2.
     """
     # The squares are added entry by entry, because `np.sum` adds in another order for a single
     # path.
-    rows = [M.reshape(-1, M.shape[-1]) for M in (change, structure)]
-    size, whole = (np.sqrt(dot(entries, entries)) for entries in rows)
-    theta = size / np.where(whole > 0, whole, 1.0)
-    return np.asarray(change / (1 + theta * theta))
+    d = len(change)
+    size, whole = (
+        dot(M.reshape(d * d, *M.shape[2:]), M.reshape(d * d, *M.shape[2:])) for M in (change, structure)
+    )
+    # S₃ is 0 where B is.
+    return change / (1 + size / (whole + SMALLEST))
+
+
+def formula(fields: Any, y: Values, z: Values, step: Values) -> Values:
+    """R of the step in symbols, from which B′, B″ and H″ are derived; `increment` is for arrays.
+
+    `fields` are the functions of a recorded problem (`sepv.schemes._recorded`).
+    """
+    mean, middle = fields.mean_gradient(y, z), y + 0.5 * z
+    structure = fields.structure(middle)
+    change = expanded(structure, fields.hessian(middle), mean, partial(fields.structure_along, middle))
+    return step[0] * matvec(structure - limited(step[1] * change, structure), mean)
 
 
 def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
@@ -148,19 +179,18 @@ def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
     return Increment(step[0] * matvec(structure, mean.value), mean.evaluations, counts, mean.reliable)
 
 
-def parts(problem: Problem, h: float, noise: Array) -> Array:
-    """The numbers that `increment` needs of each step, (2, M) for M paths:
-    Δ and 3c²h with c² = Σ c_j².
-    """
+def step_and_variance(problem: Problem, h: float, noise: Array) -> Array:
+    """The numbers Δ and 3c²h of M paths, with c² = Σ c_j²: (2, M)."""
     return np.stack(
         [problem.random_step(h, noise), np.full(noise.shape[1], 3.0 * float(np.sum(problem.c**2)) * h)]
     )
 
 
-# Newton's matrix comes from differences, because S₃′ would need third derivatives of B and H. The
-# matrix of (2.1) would take fewer evaluations. But the iteration would converge linearly, with
-# residuals of one sign: over 2048 steps n of the pendulum the energy drifted like n^0.70.
-step = Implicit(increment, parts=parts)
+# Of functions that are not recorded Newton's matrix comes from differences, because S₃′ would need
+# third derivatives of B and H. The matrix of (2.1) would take fewer evaluations. But the iteration
+# would converge linearly, with residuals of one sign: over 2048 steps n of the pendulum the energy
+# drifted like n^0.70.
+step = Implicit(increment, parts=step_and_variance, formula=formula)
 scheme = one_step(
     "modified-weak-2",
     step,

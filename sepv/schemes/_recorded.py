@@ -207,6 +207,18 @@ class _RecordedFields(Fields):
         recorded = self._recorded
         return matvec(self._at(jacobian(matvec(recorded.B, recorded.slope), recorded.y), y), v)
 
+    def hessian(self, y: Any) -> Any:
+        """The second derivatives H″(y), (d, d)."""
+        return self._at(jacobian(self._recorded.slope, self._recorded.y), y)
+
+    def structure_along(self, y: Any, v: Any, times: int) -> Any:
+        """The derivative number `times` of B at y in the direction v, (d, d)."""
+        recorded, d = self._recorded, len(y)
+        B = recorded.B.ravel()
+        for _ in range(times):
+            B = matvec(jacobian(B, recorded.y), recorded.z)
+        return self._at(recorded.tape.symbols(B.reshape(d, d)), y, v)
+
     def mean_gradient(self, y: Any, z: Any) -> Any:
         """The recorded averaged gradient; if z is not the record's own z,
         the given y and z are substituted in it.

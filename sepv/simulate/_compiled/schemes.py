@@ -23,6 +23,7 @@ from sepv.schemes import (
     explicit,
     gauss_tableau,
     random_step,
+    step_and_variance,
 )
 from sepv.schemes import energy_preserving_formula as energy_preserving
 from sepv.schemes import midpoint_formula as midpoint
@@ -64,6 +65,7 @@ class Formula:
 _NAMES: dict[Parts, list[str]] = {
     random_step: ["delta"],
     drift_and_noise: ["span", "noise"],
+    step_and_variance: ["delta", "variance"],
 }
 
 

@@ -113,6 +113,9 @@ class Writer(ABC):
         """The lines that compute the random step Δ and the other data of the step."""
         lines = ["delta = h", "noise = 0.0"]
         lines += ["span = h"] if "span" in self.known else []
+        if "variance" in self.known:
+            squares = " + ".join(f"c{j} * c{j}" for j in range(self.noises)) or "0.0"
+            lines.append(f"variance = 3.0 * ({squares}) * h")
         for j in range(self.noises):
             own = [f"noise{j} = c{j} * u"] if f"noise{j}" in self.known else []
             lines += [

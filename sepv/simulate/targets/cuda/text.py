@@ -15,7 +15,15 @@ import numpy as np
 from sepv.core.newton import ROUNDING, STAGNATION, STOP_ERROR, ZERO_RESIDUAL, Status
 from sepv.problem import Problem, cramer, dot
 from sepv.record import EPS, TINY, CannotRecord, NoClosedForm
-from sepv.schemes import MAX_NODES, Scheme, drift_and_noise, gauss_tableau, moments, random_step
+from sepv.schemes import (
+    MAX_NODES,
+    Scheme,
+    drift_and_noise,
+    gauss_tableau,
+    moments,
+    random_step,
+    step_and_variance,
+)
 from sepv.simulate._compiled.compile import LARGEST_SYSTEM, code_of, taken
 from sepv.simulate._compiled.layout import FIRST
 from sepv.simulate._compiled.recorded import RecordedProblem
@@ -116,10 +124,14 @@ def _file(name: str) -> str:
 
 
 def _step_numbers(problem: Problem, formula: Formula) -> str:
-    """The numbers of a step from increments u: Δ; or h and Σ c_j u_j; or h and each c_j u_j."""
+    """The numbers of a step from increments u: Δ, or Δ and 3c²h; or h and Σ c_j u_j;
+    or h and each c_j u_j.
+    """
     terms = [f"{number(float(c))} * u[{j}]" for j, c in enumerate(problem.c)]
-    if formula.parts is random_step:
+    if formula.parts in (random_step, step_and_variance):
         lines = ["s[0] = h;", *(f"s[0] = s[0] + {term};" for term in terms)]
+        if formula.parts is step_and_variance:
+            lines.append(f"s[1] = {number(3.0 * float((problem.c**2).sum()))} * h;")
     elif formula.parts is drift_and_noise:
         lines = ["s[0] = h;", "s[1] = 0.0;", *(f"s[1] = s[1] + {term};" for term in terms)]
     else:
