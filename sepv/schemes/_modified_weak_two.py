@@ -186,10 +186,10 @@ def step_and_variance(problem: Problem, h: float, noise: Array) -> Array:
     )
 
 
-# Of functions that are not recorded Newton's matrix comes from differences, because S₃′ would need
-# third derivatives of B and H. The matrix of (2.1) would take fewer evaluations. But the iteration
-# would converge linearly, with residuals of one sign: over 2048 steps n of the pendulum the energy
-# drifted like n^0.70.
+# Newton's matrix comes from differences if the functions of a problem are not recorded.
+# S₃′ would need third derivatives of B and H. The matrix of (2.1) would take fewer evaluations. But
+# the iteration would converge linearly, with residuals of one sign: over 2048 steps n of the
+# pendulum the energy drifted like n^0.70.
 step = Implicit(increment, parts=step_and_variance, formula=formula)
 scheme = one_step(
     "modified-weak-2",
