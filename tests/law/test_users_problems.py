@@ -118,7 +118,7 @@ def test_many_steps_are_judged_on_the_problems_own_initial_state() -> None:
 
 
 def test_a_strategy_of_systems_and_one_of_problems_are_taken() -> None:
-    for asked in (planar(), planar, "tests.verification.test_users_problems:planar", st.just(own_pendulum())):
+    for asked in (planar(), planar, "tests.law.test_users_problems:planar", st.just(own_pendulum())):
         assert set(verdicts("energy-preserving", asked, "energy,symmetry").values()) == {"holds"}
     found = doors.measured("energy-preserving", "rounding,right-limit", planar(), examples=2).findings
     assert {f.verdict for f in found} == {Verdict.NOT_APPLICABLE}
@@ -133,7 +133,7 @@ def test_laws_that_lead_out_of_the_problems_say_so() -> None:
 
 def test_a_violation_on_a_users_problem_is_replayed_from_its_token(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(doors.ROOT)
-    own = "tests.verification.test_users_problems:own_pendulum"
+    own = "tests.law.test_users_problems:own_pendulum"
     few = {"examples": 2, "shrink_checks": 30}
     finding = doors.says("midpoint", "energy", "violated", f"problem {own}", problems=own, **few)
     witness = case.witness_of(finding.replay.split()[-1])
@@ -253,9 +253,7 @@ def test_names_functions_and_records_are_the_same_scheme(call: str) -> None:
     run, own, body = CALLS[call], sepv.Scheme("mine", heun, truncation=2), sepv.problems.rigid_body
     assert np.array_equal(run("midpoint", "rigid-body"), run(sepv.schemes.midpoint, body()))
     assert np.array_equal(run(heun, "rigid_body"), run(own, body))
-    assert np.array_equal(
-        run("tests.verification.test_users_problems:heun", "rigid-body"), run(own, "rigid-body")
-    )
+    assert np.array_equal(run("tests.law.test_users_problems:heun", "rigid-body"), run(own, "rigid-body"))
 
 
 REFUSED: dict[str, tuple[Any, str]] = {
