@@ -76,6 +76,12 @@ class _Violation(BaseException):
     """
 
 
+class _Simplify(Exception):
+    """Raised for Hypothesis, so that it looks for a simpler case of a user's strategy that does
+    the same.
+    """
+
+
 class _Fault(BaseException):
     """Raised inside a search: the case could not be measured. Hypothesis lets it pass too."""
 
@@ -257,11 +263,17 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
     up to the first case that cannot be measured. Of several violations the smallest case is kept.
     """
     measured_before, violations = log.checks, list[Any]()
+    shrinks = question.where.of_strategy and effort.shrink_checks > 0
+    left, end = effort.shrink_checks, math.inf
 
     def body(case: Case) -> None:
+        nonlocal left, end
         # Hypothesis ends its search if every further case passes. So every case passes after too
-        # many refused cases.
+        # many refused cases, and when nothing is left for simplifying.
         if log.refused > MOST_SKIPPED * (1 + log.checks - measured_before):
+            return
+        left -= bool(violations)
+        if shrinks and (left < 0 or time.perf_counter() > end):
             return
         try:
             measured = _measure(log, scheme, case, question.check, question.faults_violate)
@@ -271,6 +283,9 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
             return
         except _Violation:
             violations.append(log.violation)
+            end = min(end, time.perf_counter() + MOST_SECONDS)
+            if shrinks:
+                raise _Simplify from None
             if not effort.shrink_checks:
                 raise
             return
@@ -284,7 +299,8 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
         derandomize=False,
         print_blob=False,
         verbosity=Verbosity.quiet,
-        phases=(Phase.generate, Phase.target),  # `_simplify` simplifies every violation
+        # `_simplify` simplifies every other violation.
+        phases=(Phase.generate, Phase.target, *((Phase.shrink,) if shrinks else ())),
         # Hypothesis would complain of large and of slow examples. Cases are large, and a slow
         # scheme makes them slow.
         suppress_health_check=list(HealthCheck),
@@ -296,6 +312,9 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
             test()
     except Unsatisfiable:
         if not log.skipped:
+            raise
+    except Exception:  # `_Simplify`, or Hypothesis' own word that a case passes now, as nothing is left
+        if not (shrinks and violations):
             raise
     log.violation = min(violations, key=lambda found: size(found[0]), default=log.violation)
 

@@ -125,6 +125,22 @@ def test_a_strategy_of_systems_and_one_of_problems_are_taken() -> None:
     assert all("no initial state" in f.message for f in found)
 
 
+@st.composite
+def anharmonic(draw: st.DrawFn) -> sepv.PolynomialSystem:
+    """H = ½|y|² + k y₁³ with k = 0, …, 1000."""
+    cubic = {(3, 0): float(draw(st.integers(0, 1000)))}
+    H = poly.polynomial(2, {(2, 0): 0.5, (0, 2): 0.5} | cubic)
+    return sepv.PolynomialSystem(2, H, ((0, 1, poly.constant(2, -1.0)),))
+
+
+def test_hypothesis_shrinks_what_a_users_strategy_draws() -> None:
+    """The midpoint rule keeps H for k = 0 alone: the simplest k that shows it is 1."""
+    few = {"examples": 8, "shrink_checks": 200}
+    finding = doors.says("midpoint", "energy", "violated", "", problems=anharmonic(), **few)
+    problem = case.from_token(finding.replay.split()[-1]).problem
+    assert dict(problem.hamiltonian.terms)[3, 0] == 1.0
+
+
 def test_laws_that_lead_out_of_the_problems_say_so() -> None:
     report = sepv.verify("energy-preserving", laws="equivariance,expansion", problems="pendulum", effort=FEW)
     assert {f.verdict for f in report.findings} == {Verdict.NOT_APPLICABLE}

@@ -82,6 +82,7 @@ class Question:
     # True if the first case, a simpler form of the second, is a case of the law too.
     admits: Callable[[Case, Case], bool]
     fixed: tuple[Case, ...] = ()
+    of_strategy: bool = False  # True if a user's strategy draws cases, which Hypothesis alone can simplify
 
 
 @dataclass(frozen=True)
@@ -246,6 +247,7 @@ class Cases:
             self._adapting(drawn),
             lambda new, old: self.admits(new) and all(item.keeps(new, old) for item in usable),
             tuple(self.all_adapted(fixed)),
+            any(item.space is None and item.fixed is None for item in usable),
         )
 
     def all_adapted(self, cases: Iterable[Case]) -> list[Case]:
