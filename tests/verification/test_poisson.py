@@ -181,8 +181,8 @@ def test_symmetry_and_being_a_function_of_the_random_step_are_two_laws(scheme, s
     symmetry, random_step = both(scheme)
     assert (symmetry.verdict.text, random_step.verdict.text) == (symmetric, of_the_random_step)
     if symmetric == "holds":
-        # Not by a little: the two rules differ in Δ³, of the order of a thousandth at |Δ| = 0.1.
-        assert (random_step.defect or 0) > 1e6
+        # Not by a little, also in the simplified case: the two rules differ in Δ³.
+        assert (random_step.defect or 0) > 1e4
 
 
 @pytest.mark.parametrize(
