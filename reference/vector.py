@@ -1,8 +1,8 @@
 """Reference vectors: one step, or one exact flow, with its result to 50 digits,
 as an object and as JSON.
 
-The files are made by `python -m benchmarks.vectors` only; docs/vectors.md explains them to readers
-in any language.
+Their results are made by `python -m benchmarks.vectors` only; docs/vectors.md explains them to
+readers in any language.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ DIGITS = 50
 HARD = frozenset({"large-step", "near-fold", "subnormal", "huge", "overflow"})
 
 _KEYS = {"id", "hash", "problem", "y", "y1", "y1_hex", "condition", "rounding", "flags", "proof", "note"}
-_REMEDY = "install sepv again; in a checkout, `python -m benchmarks.vectors` makes it anew"
+_REMEDY = "install sepv again; in a checkout, `git restore` brings back the file"
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,4 @@
-"""The program for the reference vectors: `selection` chooses the cases, `generate` computes,
-proves and writes them.
+"""The program for the reference vectors: `generate` computes, proves and writes their answers.
 
 python -m benchmarks.vectors [--check [--all]] [SCHEME …]
 """

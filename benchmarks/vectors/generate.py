@@ -1,9 +1,10 @@
 """Make the reference vectors, or check them: ``python -m benchmarks.vectors [--check [--all]]
 [SCHEME …]``.
 
-The files under reference/vectors are made by this program and by nothing else. Each answer is
+The files under reference/vectors hold the cases, and this program their answers. Each answer is
 computed by mpmath and proved by ball arithmetic (the extra `certify`) before it is written; a file
-is written whole or not at all.
+is written whole or not at all. A new case is a copy of a stored one with an id and a step of its
+own: `answer` computes the rest, and `to_text` the file.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import json
 import sys
 import time
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from math import isfinite
 from pathlib import Path
@@ -27,10 +29,18 @@ from sepv.reference.flow import enclosed, taylor
 from sepv.reference.problem import binary64_problem
 from sepv.reference.solve import BROKEN
 from sepv.reference.steps import ReferenceStep, find_equation, reference_step
-from sepv.reference.vector import DIGITS, FLOW, FOLDER, FORMAT, ReferenceVector, load, to_json
+from sepv.reference.vector import (
+    DIGITS,
+    FLOW,
+    FOLDER,
+    FORMAT,
+    ReferenceVector,
+    load,
+    schemes_with_vectors,
+    to_json,
+)
 
 from benchmarks.vectors.rounding import UNIT, error_units
-from benchmarks.vectors.selection import SCHEMES, Candidate, candidates
 from sepv.errors import SepvError
 from sepv.files import write_atomically
 
@@ -54,8 +64,8 @@ def to_text(scheme: str, source: str, vectors: Iterable[ReferenceVector]) -> str
     return json.dumps(head, ensure_ascii=True, indent=1)[:-2] + ',\n "cases": [\n' + lines + "\n ]\n}\n"
 
 
-def answer(candidate: Candidate, name: str) -> ReferenceVector:
-    """Compute the reference vector of a candidate, prove it if python-flint is installed,
+def answer(case: ReferenceVector) -> ReferenceVector:
+    """Compute the result of a case, whatever it has, prove it if python-flint is installed,
     and round it.
 
     Raises
@@ -64,17 +74,15 @@ def answer(candidate: Candidate, name: str) -> ReferenceVector:
         If the vector cannot be computed or proved; the message names the case.
     """
     try:
-        if candidate.scheme == FLOW:
-            return _flow_answer(candidate, name)
-        return _step_answer(candidate, name)
+        return _flow_answer(case) if case.scheme == FLOW else _step_answer(case)
     except (SepvError, ArithmeticError, ValueError) as error:
-        raise GenerationError(f"{name}: {candidate.note}\n{error}") from error
+        raise GenerationError(f"{case.id}: {case.note}\n{error}") from error
 
 
-def _step_answer(candidate: Candidate, name: str) -> ReferenceVector:
-    equation = find_equation(candidate.scheme)
-    arguments = (candidate.problem, candidate.y, candidate.h, candidate.dW)
-    start, flags = _on_the_branch(equation, candidate)
+def _step_answer(case: ReferenceVector) -> ReferenceVector:
+    equation = find_equation(case.scheme)
+    arguments = (case.problem, case.y, case.h, case.dW)
+    start, flags = _on_the_branch(equation, case)
     step = reference_step(equation, *arguments, _FEW, start=start)
     digits = _FEW
     if _uneven(step.y1):
@@ -83,32 +91,32 @@ def _step_answer(candidate: Candidate, name: str) -> ReferenceVector:
     y1 = _without_noise(step.y1)
     proof = "none"
     if available():
-        proof = _proved(candidate, step, y1, digits)
-    units = error_units(candidate.problem, list(candidate.y), candidate.h, list(candidate.dW), step)
-    return _vector(candidate, name, y1, max(map(sum, step.condition)), units, flags, proof)
+        proof = _proved(case, step, y1, digits)
+    units = error_units(case.problem, list(case.y), case.h, list(case.dW), step)
+    return _vector(case, y1, max(map(sum, step.condition)), units, flags, proof)
 
 
-def _on_the_branch(equation: Equation, candidate: Candidate) -> tuple[Vector | None, tuple[str, ...]]:
+def _on_the_branch(equation: Equation, case: ReferenceVector) -> tuple[Vector | None, tuple[str, ...]]:
     """The start of Newton's iteration on the branch of solutions from y, and the flags,
     perhaps with "overflow".
     """
-    flags = candidate.flags
+    flags = tuple(f for f in case.flags if f != "overflow")
     if equation.residual is None:
-        return None, flags if _fits_binary64(equation, candidate) else (*flags, "overflow")
+        return None, flags if _fits_binary64(equation, case) else (*flags, "overflow")
     if not {"large-step", "near-fold"} & set(flags):
         return None, flags
-    branch = follow(equation, candidate.problem, candidate.y, candidate.h, candidate.dW)
+    branch = follow(equation, case.problem, case.y, case.h, case.dW)
     if not branch.whole:
         raise GenerationError(f"the branch of solutions ends at the share {branch.reached} of this step")
     return branch.x, flags
 
 
-def _fits_binary64(equation: Equation, candidate: Candidate) -> bool:
+def _fits_binary64(equation: Equation, case: ReferenceVector) -> bool:
     """True if no intermediate result of an explicit formula overflows."""
-    problem = binary64_problem(candidate.problem)
+    problem = binary64_problem(case.problem)
     try:
-        step = make_step(problem, candidate.h, candidate.dW)
-        return all(map(isfinite, equation.result(problem, list(candidate.y), step, [])))
+        step = make_step(problem, case.h, case.dW)
+        return all(map(isfinite, equation.result(problem, list(case.y), step, [])))
     except BROKEN:
         return False
 
@@ -125,12 +133,12 @@ def _without_noise(y1: Vector) -> Vector:
     return [ctx.zero if abs(v) < scale * ctx.mpf(10) ** -_ZERO else v for v in y1]
 
 
-def _proved(candidate: Candidate, step: ReferenceStep, y1: Vector, digits: int) -> str:
+def _proved(case: ReferenceVector, step: ReferenceStep, y1: Vector, digits: int) -> str:
     """Prove the step by Krawczyk's test, with balls that determine each printed digit;
     return the kind of proof.
     """
     bits = max(500, int(7 * digits))
-    proof = certify(candidate.problem, candidate.y, candidate.h, candidate.dW, step, bits)
+    proof = certify(case.problem, case.y, case.h, case.dW, step, bits)
     with precision(bits):
         for k, (value, enclosure) in enumerate(zip(y1, proof.y1, strict=True)):
             _require_digits_of(value, enclosure, k)
@@ -174,11 +182,11 @@ def to_binary64(value: Any) -> float:
     return _rounded(Fraction(-int(man) if sign else int(man)) * Fraction(2) ** int(exp))
 
 
-def _flow_answer(candidate: Candidate, name: str) -> ReferenceVector:
+def _flow_answer(case: ReferenceVector) -> ReferenceVector:
     """Compute the vector of an exact flow by Taylor series;
     prove it by an enclosure if python-flint is installed.
     """
-    arguments = (candidate.problem, candidate.y, candidate.h)
+    arguments = (case.problem, case.y, case.h)
     digits = _FEW
     y1 = taylor(*arguments, digits)
     if _uneven(y1):
@@ -188,19 +196,18 @@ def _flow_answer(candidate: Candidate, name: str) -> ReferenceVector:
     y1 = [v if abs(v) > scale * context(30).mpf(10) ** (-digits + 5) else 0 * v for v in y1]
     proof = "none"
     if available():
-        bits = int(3.33 * (digits + 15 + 4 * abs(candidate.h))) + 200
+        bits = int(3.33 * (digits + 15 + 4 * abs(case.h))) + 200
         balls = enclosed(*arguments, digits)
         with precision(bits):
             for k, (value, enclosure) in enumerate(zip(y1, balls, strict=True)):
                 _require_digits_of(value, enclosure, k)
         proof = "balls"
-    unit = max(1.0, abs(candidate.h)) * float(scale)
-    return _vector(candidate, name, y1, 1.0, [4 * UNIT * unit] * len(y1), candidate.flags, proof)
+    unit = max(1.0, abs(case.h)) * float(scale)
+    return _vector(case, y1, 1.0, [4 * UNIT * unit] * len(y1), case.flags, proof)
 
 
 def _vector(
-    candidate: Candidate,
-    name: str,
+    case: ReferenceVector,
     y1: Vector,
     condition: float,
     units: Sequence[float],
@@ -208,35 +215,19 @@ def _vector(
     proof: str,
 ) -> ReferenceVector:
     ctx = context(_MANY)
-    return ReferenceVector(
-        id=name,
-        scheme=candidate.scheme,
-        problem=candidate.problem,
-        y=candidate.y,
-        h=candidate.h,
-        dW=candidate.dW,
+    return replace(
+        case,
         y1=tuple(_decimal(ctx, v) for v in y1),
         y1_hex=tuple(map(to_binary64, y1)),
         condition=float(f"{condition:.3g}"),
         rounding=tuple(float(f"{1.005 * u:.3g}") for u in units),
         flags=flags,
         proof=proof,
-        note=candidate.note,
     )
 
 
 def _decimal(ctx: Any, v: Any) -> str:
     return str(ctx.nstr(v, DIGITS, strip_zeros=False, min_fixed=-6, max_fixed=16)) if v else "0.0"
-
-
-def named_candidates(scheme: str) -> list[tuple[str, Candidate]]:
-    """The cases of a scheme with their ids: scheme/family-number."""
-    numbers: dict[str, int] = {}
-    found = []
-    for candidate in candidates(scheme):
-        numbers[candidate.family] = numbers.get(candidate.family, 0) + 1
-        found.append((f"{scheme}/{candidate.family}-{numbers[candidate.family]:02d}", candidate))
-    return found
 
 
 def source_of(scheme: str) -> str:
@@ -247,7 +238,7 @@ def source_of(scheme: str) -> str:
 def differences(new: ReferenceVector, old: ReferenceVector) -> list[str]:
     """The fields in which two vectors differ; `condition` and `rounding` may differ by 2 %."""
     found = []
-    for key in ("id", "problem", "y", "h", "dW", "y1", "y1_hex", "flags", "note"):
+    for key in ("y1", "y1_hex", "flags"):
         if getattr(new, key) != getattr(old, key):
             found.append(key)
     if new.proof not in (old.proof, "none"):
@@ -262,18 +253,9 @@ def check(schemes: Sequence[str], every: int, folder: Path = FOLDER) -> tuple[in
     """Compute each `every`-th case of each file again, from the first on.
     Return their number and the differences.
     """
-    count, wrong = 0, []
-    for scheme in schemes:
-        stored = {v.id: v for v in load(scheme, folder)}
-        named = named_candidates(scheme)
-        missing = sorted({name for name, _ in named} ^ set(stored))
-        wrong += [f"{name}: in the file or in the selection, not in both" for name in missing]
-        for name, candidate in named[::every]:
-            if name in stored:
-                count += 1
-                odd = differences(answer(candidate, name), stored[name])
-                wrong += [f"{name}: {', '.join(odd)} differ"] if odd else []
-    return count, wrong
+    cases = [case for scheme in schemes for case in load(scheme, folder)[::every]]
+    odd = {case.id: differences(answer(case), case) for case in cases}
+    return len(cases), [f"{name}: {', '.join(found)} differ" for name, found in odd.items() if found]
 
 
 FAST_DIGITS = 13
@@ -281,23 +263,24 @@ FAST_DIGITS = 13
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write or check the vectors; return 1 if something differs or a case failed, else 0."""
+    known = schemes_with_vectors()
     parser = argparse.ArgumentParser(prog="benchmarks.vectors", description=__doc__)
     parser.add_argument(
-        "schemes", nargs="*", metavar="SCHEME", help=f"one of {', '.join(SCHEMES)}; default all"
+        "schemes", nargs="*", metavar="SCHEME", help=f"one of {', '.join(known)}; default all"
     )
     parser.add_argument("--check", action="store_true", help="make vectors again and compare, write nothing")
     parser.add_argument("--all", action="store_true", help=f"check all of them, not every {FAST_DIGITS}th")
     options = parser.parse_args(arguments)
     for scheme in options.schemes:
-        if scheme not in SCHEMES:
-            parser.error(f"unknown scheme {scheme!r}; there are {', '.join(SCHEMES)}")
-    chosen, start = options.schemes or list(SCHEMES), time.perf_counter()
+        if scheme not in known:
+            parser.error(f"unknown scheme {scheme!r}; there are {', '.join(known)}")
+    chosen, start = options.schemes or known, time.perf_counter()
     try:
         if options.check:
             return _checked(chosen, 1 if options.all else FAST_DIGITS, start)
         require_flint()
         for scheme in chosen:
-            vectors = [answer(candidate, name) for name, candidate in named_candidates(scheme)]
+            vectors = [answer(case) for case in load(scheme)]
             write_atomically(str(FOLDER / f"{scheme}.json"), to_text(scheme, source_of(scheme), vectors))
             print(f"{scheme}: {len(vectors)} vectors, {time.perf_counter() - start:.1f} s", flush=True)
     except SepvError as error:
