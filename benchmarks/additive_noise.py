@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from sepv.properties._stated_functions import drift_of_energy
+from sepv.properties import drift_of_energy
 
 from benchmarks import start
 from sepv import problems, schemes

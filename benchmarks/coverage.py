@@ -23,13 +23,27 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from sepv.properties import StrongErrors, test_mean_square_order, test_right_limit, test_weak_order
+from sepv.properties import (
+    FIRST_LOOK,
+    Assess,
+    Setup,
+    StrongErrors,
+    decay,
+    first_paths,
+    is_tilted,
+    joined_errors,
+    leading,
+    limit_errors,
+    moment_errors,
+    quantile_slope,
+    setups_for,
+    strong_errors,
+    test_mean_square_order,
+    test_right_limit,
+    test_weak_order,
+    tilted_errors,
+)
 from sepv.properties import mean_square_slope as slope
-from sepv.properties._orders.convergence import first, join, quantile_slope, strong_errors
-from sepv.properties._orders.means import decay, leading, limit_errors, moment_errors
-from sepv.properties._orders.tilting import tilted_errors
-from sepv.properties._sequential import FIRST_LOOK, Assess, is_tilted
-from sepv.properties._setups import Setup, setups_for
 
 from benchmarks import over, start
 from sepv import problems, schemes
@@ -73,7 +87,7 @@ def drawn(scheme: Scheme, problem: Problem, batches: int, seed: int) -> StrongEr
     for n in over(range(batches), lambda n: f"batch {n + 1} of {batches}"):
         paths = range(n * FIRST_LOOK, (n + 1) * FIRST_LOOK)
         parts.append(_errors(scheme, problem, setup, paths, seed))
-    return join(parts)
+    return joined_errors(parts)
 
 
 def _errors(scheme: Scheme, problem: Problem, setup: Setup, paths: range, seed: int) -> StrongErrors:
@@ -205,7 +219,7 @@ def main() -> None:
             errors = drawn(SCHEMES[name], problem, options.batches, options.seed)
             if any(errors.failures):
                 raise SystemExit(f"{name}, {problem.name}: {errors.failures} paths failed")
-            for row in rows(SCHEMES[name], problem, first(errors, options.batches * FIRST_LOOK)):
+            for row in rows(SCHEMES[name], problem, first_paths(errors, options.batches * FIRST_LOOK)):
                 cells = [
                     f"{100 * side[n]:.1f} %" if side else ""
                     for n in range(len(ALPHAS))

@@ -27,8 +27,8 @@ import numpy as np
 import sepv
 from benchmarks import start
 from sepv import problems, schemes
-from sepv.simulate import Task, run_task
-from sepv.simulate._run_arguments import checked
+from sepv.posing import field_in
+from sepv.simulate import Task, run_arguments, run_task
 from sepv.simulate.targets.cuda import chunk, devices
 
 SYSTEMS = ("rigid-body", "pendulum", "lotka-volterra")
@@ -42,7 +42,7 @@ ULPS = 64
 
 def task(scheme: str, problem: str, paths: int) -> Task:
     """The chunk of all `paths` paths of an ensemble."""
-    method, system, start, steps, k = checked(
+    method, system, start, steps, k = run_arguments(
         schemes.by_name(scheme), problem, H, None, STEPS, None, "own", None
     )
     return Task(
@@ -154,20 +154,7 @@ def peers(name: str, paths: int = 2**18) -> dict[str, Any]:
     jax.config.update("jax_enable_x64", True)
     jnp = jax.numpy
     problem = problems.by_name(name)
-    inverse = 1 / jnp.asarray(problems.rigid_body().gradient(np.ones(3))) if name == "rigid-body" else None
-    fields: dict[str, Callable[[Any], Any]] = {
-        "rigid-body": lambda y: jnp.cross(y, y / inverse),
-        "pendulum": lambda y: jnp.stack([-jnp.sin(y[1]), y[0]]),
-        "lotka-volterra": lambda y: jnp.asarray(lotka_volterra(problem, y)),
-    }
-    f, c, start = fields[name], jnp.asarray(problem.c), jnp.asarray(problem.initial)
-    same = float(
-        np.abs(
-            np.asarray(f(start)) - problem.structure(np.array(start)) @ problem.gradient(np.array(start))
-        ).max()
-    )
-    if same > 1e-12:
-        raise RuntimeError(f"the field of {name} for diffrax is another: {same:.2g}")
+    f, c, start = field_in(jnp, problem), jnp.asarray(problem.c), jnp.asarray(problem.initial)
 
     def run(solver: Any, key: Any) -> Any:
         noise = diffrax.UnsafeBrownianPath(shape=(len(problem.c),), key=key)
@@ -198,20 +185,6 @@ def peers(name: str, paths: int = 2**18) -> dict[str, Any]:
             "end_energy_defect": float(np.nanmax(np.abs(defect))),
         }  # fmt: skip
     return table
-
-
-def lotka_volterra(problem: sepv.Problem, y: Any) -> Any:
-    """The field B∇H of the problem, evaluated by its own functions on JAX's arrays."""
-    import jax.numpy as jnp
-
-    from sepv.simulate._compiled.compile import code_of
-
-    code = code_of(problem)
-    from sepv.problem import matvec
-    from sepv.record import source
-
-    field = source([code.y], matvec(code.B, code.slope))
-    return jnp.stack([jnp.asarray(v) for v in field.function(y, field.parameters)])
 
 
 def reduced(paths: int = REDUCED) -> dict[str, Any]:

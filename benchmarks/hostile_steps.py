@@ -17,8 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sepv.schemes._midpoint import step as midpoint
+from sepv import schemes
 
+midpoint = schemes.midpoint.step
 # The most copies of its process that a step makes, whatever happens to them.
 COPIES = 40
 calls = 0

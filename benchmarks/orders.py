@@ -23,10 +23,8 @@ from itertools import combinations, permutations
 import numpy as np
 from rich.console import Console
 from rich.table import Table
-from sepv.properties import StrongErrors
+from sepv.properties import StrongErrors, strong_errors, tilted_errors
 from sepv.properties import mean_square_slope as slope
-from sepv.properties._orders.convergence import strong_errors
-from sepv.properties._orders.tilting import tilted_errors
 
 import sepv
 from benchmarks import over, start
@@ -34,7 +32,7 @@ from sepv import problems, schemes
 from sepv.exact import clipping_error
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.record import poly
-from sepv.schemes._scheme import truncation_for
+from sepv.schemes import truncation_for
 from sepv.statistics import Estimate, jackknife
 
 ALPHA = 0.01

@@ -27,8 +27,7 @@ from sepv import schemes
 from sepv.exact import clipping_error, exact_flow
 from sepv.pictures import Axis, content, figure, frame, line
 from sepv.problem import Array, Problem
-from sepv.schemes import Look, Scheme
-from sepv.schemes._explicit_tableaux import TABLEAUX
+from sepv.schemes import TABLEAUX, Look, Scheme
 from sepv.simulate import run_chunk, wiener
 from sepv.simulate import truncation as bounded
 

@@ -28,7 +28,6 @@ from sepv.law import casimir_ulp, energy_ulp
 from sepv.law.tolerance import rounding_walk
 from sepv.problem import Array
 from sepv.record import EPS
-from sepv.simulate._compiled import newton
 
 RUNS = (
     ("harmonic-oscillator", 0.01),
@@ -132,16 +131,7 @@ def main() -> None:
     parser.add_argument(
         "--problem", action="append", choices=[name for name, _ in RUNS], help="all without it"
     )
-    parser.add_argument(
-        "--first-steps",
-        type=int,
-        metavar="N",
-        help="of Newton's iteration, before its test; the engine takes 2, and one or two more where it compensates",
-    )
     options = parser.parse_args()
-    if options.first_steps:
-        assert newton.FIRST_STEPS
-        newton.FIRST_STEPS = options.first_steps
     steps = int(options.steps)
     out = Console(width=150)
     out.print(f"(2.1), {options.paths} paths of {steps} steps: root mean square over √n")

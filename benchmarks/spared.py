@@ -19,7 +19,7 @@ import numpy as np
 
 from benchmarks import over, start
 from sepv import schemes, verify
-from sepv.faults.saboteurs.solver import _fixed_point, _iterated
+from sepv.faults.saboteurs.solver import fixed_point, iterated
 from sepv.law import Effort
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, Step
@@ -52,7 +52,7 @@ FAULTS: dict[str, tuple[str, Callable[[float], Step]]] = {
     "drift": ("right-limit", lambda e: lambda p, y, h, dW: schemes.euler_heun.step(p, y, (1 + e) * h, dW)),
     "Itô": ("right-limit", lambda e: _added(e, _correction)),
     "order": ("mean-square-order", lambda e: _added(e, lambda p, y, h, dW: (dW[0] ** 2 - h) * _field(p, y))),
-    "solver": ("rounding", lambda e: _iterated(_fixed_point, 60, e)().step),
+    "solver": ("rounding", lambda e: iterated(fixed_point, 60, e)().step),
 }
 
 

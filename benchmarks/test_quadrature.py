@@ -13,9 +13,9 @@ import pytest
 from sepv import problems
 from sepv.problem import average_gradient
 from sepv.record import gauss_legendre
-from sepv.studies._bench.cases import quartic_body
+from sepv.studies import bench_cases
 
-QUARTIC = replace(problems.build(quartic_body()), initial=(0.8, 0.6, 0.1), check=False)
+QUARTIC = replace(problems.build(bench_cases.quartic_body()), initial=(0.8, 0.6, 0.1), check=False)
 WAYS = {
     "closed form": problems.pendulum(),
     "closed form, logarithms": problems.lotka_volterra(),

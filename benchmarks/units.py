@@ -18,7 +18,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from sepv.properties._orders.local_errors import five_noises
+from sepv.properties import five_noises
 
 from benchmarks import over, start
 from sepv import problems, schemes

@@ -16,7 +16,7 @@ from typing import Any
 
 import click
 import numpy as np
-from sepv.properties._sequential import FALSE_ALARM, FIRST_LOOK
+from sepv.properties import FALSE_ALARM, FIRST_LOOK
 
 from benchmarks.peers.compliance_measurements import (
     LIBRARIES,
@@ -29,8 +29,7 @@ from benchmarks.peers.compliance_rows import Row, scheme_row
 from benchmarks.peers.deviations import Deviation, deviations_shown_by
 from benchmarks.peers.kept_measurements import Cell, measured
 from benchmarks.peers.options import measuring, page_options, put
-from sepv import problems
-from sepv._version import __version__
+from sepv import __version__, problems
 from sepv.console import Shown, markdown
 from sepv.errors import TargetError
 from sepv.law import Effort, Law, Verdict, energy_ulp
@@ -38,8 +37,7 @@ from sepv.peers.peer import load
 from sepv.problem import Problem
 from sepv.schemes import Scheme, energy_preserving
 from sepv.simulate import ensemble
-from sepv.verification import LAWS, load_laws
-from sepv.verification._report import MARKS
+from sepv.verification import LAWS, MARKS, load_laws
 
 COMMAND = "python -m benchmarks.peers.compliance"
 # The numbers of paths and steps for energy defects.

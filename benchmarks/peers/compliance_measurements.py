@@ -10,11 +10,11 @@ from importlib.metadata import packages_distributions, version
 from typing import Any
 
 import numpy as np
-from sepv.properties._setups import setups
+from sepv.properties import setups
 
 from benchmarks.peers.environments import VERSIONS
 from benchmarks.peers.kept_measurements import Cell
-from sepv._version import __version__
+from sepv import __version__
 from sepv.law import Effort, Law, Verdict
 from sepv.peers.peer import load
 from sepv.schemes import Scheme, page_of

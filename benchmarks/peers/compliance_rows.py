@@ -11,8 +11,7 @@ from typing import Any
 from benchmarks.peers.compliance_measurements import NO_AREAS, SETUPS, release, silent
 from sepv.law import Verdict
 from sepv.schemes import Scheme
-from sepv.verification import LAWS
-from sepv.verification._report import MARKS
+from sepv.verification import LAWS, MARKS
 
 
 @dataclass(frozen=True)

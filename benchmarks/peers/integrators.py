@@ -22,14 +22,13 @@ from benchmarks.peers.compliance_measurements import law_cells, release
 from benchmarks.peers.deviations import Deviation, deviations_shown_by
 from benchmarks.peers.kept_measurements import measured
 from benchmarks.peers.options import measuring, page_options, put
-from sepv._version import __version__
+from sepv import __version__
 from sepv.console import Shown, markdown
 from sepv.files import write_atomically
 from sepv.law import Effort, Verdict
 from sepv.peers.peer import installed, load, names
 from sepv.schemes import Scheme
-from sepv.verification import load_laws
-from sepv.verification._report import MARKS
+from sepv.verification import MARKS, load_laws
 
 COMMAND = "python -m benchmarks.peers.integrators"
 ROUNDING = "integrator-rounding.md"

@@ -21,7 +21,7 @@ from benchmarks.peers import compliance_measurements as measurements
 from benchmarks.peers.compliance_measurements import LIBRARIES, release
 from benchmarks.peers.deviations import shown_by
 from benchmarks.peers.kept_measurements import measured
-from sepv._version import __version__
+from sepv import __version__
 from sepv.console import showing
 from sepv.errors import SepvError
 from sepv.files import finite, json_text, write_atomically

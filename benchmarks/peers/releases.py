@@ -15,7 +15,7 @@ import click
 from benchmarks.peers.compliance_measurements import LIBRARIES
 from benchmarks.peers.environments import VERSIONS, measure
 from benchmarks.peers.records import add, load, recorded
-from sepv.commands import _shared as cli
+from sepv.commands import shared as cli
 from sepv.errors import SepvError, require_one_of
 from sepv.files import read_json
 

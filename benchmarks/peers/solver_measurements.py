@@ -16,21 +16,19 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-from sepv.properties import StrongErrors
+from sepv.properties import StrongErrors, local_states, one_step, refined
+from sepv.properties import gaussian_rule_degree as rule_degree
 from sepv.properties import gaussian_rule_for as rule_for
 from sepv.properties import mean_square_slope as slope
-from sepv.properties._orders.local_errors import local_states, one_step, rule_degree
-from sepv.properties._orders.several_fields import refined
 
 from benchmarks.peers.compliance_measurements import _text_of, release
 from benchmarks.peers.kept_measurements import Cell
 from benchmarks.peers.solver import KINDS, problem_of
 from benchmarks.peers.solver import scheme as scheme_for
-from sepv._version import __version__
+from sepv import __version__
 from sepv.law import Effort, Verdict
 from sepv.peers.peer import Solver
-from sepv.problem import Array, Problem, matvec, noise_field
-from sepv.problem._channels import slope as slope_of_channel
+from sepv.problem import Array, Problem, channel_slope, matvec, noise_field
 from sepv.schemes import Scheme
 from sepv.simulate import RoughPath, run_chunk
 from sepv.verification import load_laws, verify
@@ -130,7 +128,7 @@ def _limit(solver: Solver, kind: str) -> dict[str, float]:
 def _correction(problem: Problem, y: Array) -> Array:
     """Itô's correction ½ Σ_j c_j² f_j′f_j of the drift."""
     parts = [
-        0.5 * c * c * matvec(slope_of_channel(problem, 1 + j, y), noise_field(problem, j, y))
+        0.5 * c * c * matvec(channel_slope(problem, 1 + j, y), noise_field(problem, j, y))
         for j, c in enumerate(problem.c)
     ]
     return np.asarray(sum(parts))

@@ -21,7 +21,7 @@ from benchmarks.peers.kept_measurements import measured
 from benchmarks.peers.options import measuring, page_options, put
 from benchmarks.peers.solver import KINDS, problem_of
 from benchmarks.peers.solver_measurements import ALPHA, KEPT, STEPS, T, cells, limit_of, orders
-from sepv._version import __version__
+from sepv import __version__
 from sepv.console import Shown, markdown
 from sepv.errors import TargetError
 from sepv.law import Effort, Verdict

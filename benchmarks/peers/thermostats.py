@@ -14,12 +14,11 @@ import click
 from benchmarks.peers.compliance_measurements import law_cells, release
 from benchmarks.peers.kept_measurements import measured
 from benchmarks.peers.options import measuring, page_options, put
-from sepv._version import __version__
+from sepv import __version__
 from sepv.console import markdown
 from sepv.law import Effort, Verdict
 from sepv.peers.peer import installed, load, names
-from sepv.verification import load_laws
-from sepv.verification._report import MARKS
+from sepv.verification import MARKS, load_laws
 
 COMMAND = "python -m benchmarks.peers.thermostats"
 LAWS = (

@@ -9,19 +9,19 @@ import click
 from benchmarks.peers import changes as compared
 from benchmarks.peers.records import load
 from benchmarks.peers.trend_page import page
-from sepv.commands._shared import FOLDER, OUT, friendly
+from sepv.commands import shared as cli
 from sepv.console import Table, columns, console, print_table
 from sepv.errors import require_one_of
 from sepv.files import json_text, write_atomically
 
 
 @click.command(short_help="Which verdict changed, in which version of a library.")
-@click.argument("folder", default="results", type=FOLDER)
+@click.argument("folder", default="results", type=cli.FOLDER)
 @click.option("--library", metavar="NAME", help="Only this one.")
-@click.option("--json", "json_file", type=OUT, help="Write cells, changes and deviations to this file.")
-@click.option("--out", type=OUT, help="Write the page of the site, Markdown, to this file.")
+@click.option("--json", "json_file", type=cli.OUT, help="Write cells, changes and deviations to this file.")
+@click.option("--out", type=cli.OUT, help="Write the page of the site, Markdown, to this file.")
 @click.option("-q", "--quiet", is_flag=True, help="Only the changes, a line each.")
-@friendly
+@cli.friendly
 def main(folder: str, library: str | None, json_file: str | None, out: str | None, quiet: bool) -> None:
     """Compare the records of FOLDER (default: results), version by version.
 

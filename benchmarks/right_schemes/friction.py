@@ -31,8 +31,8 @@ from sepv.problem import (
     noise_vectors,
     sample_states,
 )
+from sepv.schemes import LANGEVIN_CLAIMS as CLAIMS
 from sepv.schemes import Scheme, by_name
-from sepv.schemes._langevin import CLAIMS
 
 # Halvings of the matrix of an exponential, and the terms of its series: for a norm up to 4 the
 # first term that is left out is below 1e-26.

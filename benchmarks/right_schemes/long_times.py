@@ -15,10 +15,15 @@ import numpy as np
 from benchmarks.right_schemes.solved_otherwise import Refused
 from sepv.problem import Array, Problem, Systems, vector_field
 from sepv.record import EPS
-from sepv.schemes import Scheme, energy_preserving, leapfrog
-from sepv.schemes._leapfrog import KicksAndDrifts, composed_leapfrogs
-from sepv.schemes._one_step import Explicit
-from sepv.schemes._scheme import Step
+from sepv.schemes import (
+    Explicit,
+    KicksAndDrifts,
+    Scheme,
+    Step,
+    composed_leapfrogs,
+    energy_preserving,
+    leapfrog,
+)
 
 # The most sweeps of a fixed-point iteration, and the size of corrections relative to |y| at which
 # it may end.

@@ -16,7 +16,9 @@ from sepv.errors import Skipped
 from sepv.problem import Array, Problem, mechanics, noise_field, uniform_damping, vector_field
 from sepv.record import EPS
 from sepv.schemes import (
+    TABLEAUX,
     Explicit,
+    KicksAndDrifts,
     PathSolver,
     Scheme,
     StatefulStep,
@@ -25,18 +27,17 @@ from sepv.schemes import (
     as_lanes,
     by_name,
     collocation,
+    composed_leapfrogs,
     conformal,
     drift_and_noise,
     drift_preserving,
     energy_preserving,
+    explicit_formula,
     gauss,
     implicit,
     midpoint,
+    undamped,
 )
-from sepv.schemes._conformal import undamped
-from sepv.schemes._explicit import end
-from sepv.schemes._explicit_tableaux import TABLEAUX
-from sepv.schemes._leapfrog import KicksAndDrifts, composed_leapfrogs
 
 # Claims of (2.1) that a scheme with a similar structure but another formula does not make.
 _NOT_ITSELF = {"midpoint", "reduction", "reference", "refusal"}
@@ -110,7 +111,9 @@ def flow(problem: Problem, y0: Array, delta: Array) -> Array:
         for parts in (1, 2, 4, 8, 16, 32, 64, 128):
             y: Any = start[:, open_]
             for _ in range(parts):
-                y = y + end(TABLEAUX[8], CountedFields(problem, y, y), y, None, wide[None, open_] / parts)
+                y = y + explicit_formula(
+                    TABLEAUX[8], CountedFields(problem, y, y), y, None, wide[None, open_] / parts
+                )
             value[:, open_] = y
             if coarse is not None:
                 # The error of the finer result is about 2⁻⁸ of the difference of the two results.

@@ -15,8 +15,7 @@ from sepv.core.formula import Increment
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem, matvec
 from sepv.record import EPS, gauss_legendre
-from sepv.schemes import Implicit, Scheme, Step, as_lanes, energy_preserving
-from sepv.schemes._energy_preserving import jacobian
+from sepv.schemes import Implicit, Scheme, Step, as_lanes, energy_preserving, energy_preserving_jacobian
 
 CLAIMED = frozenset(energy_preserving.claims)
 # Laws about paths, which schemes that are too slow for thousands of paths do not claim.
@@ -284,7 +283,7 @@ def _solved(R: Callable[[Problem, Array, Array, Array], Array]) -> Implicit:
         once = np.ones(y0.shape[1], dtype=np.int64)
         return Increment(R(problem, y0, y1, step), once, once, once.astype(bool))
 
-    return Implicit(increment, jacobian)
+    return Implicit(increment, energy_preserving_jacobian)
 
 
 def _digits(problem: Problem, y: Array, h: float, dW: Array) -> Array:

@@ -12,6 +12,10 @@ import signal
 import sys
 from contextlib import suppress
 
+from sepv._lazy import lazily
+
+__getattr__, __dir__ = lazily(__name__, {"_shared": "*shared"})
+
 
 def main() -> None:
     """Run ``sepv`` with the arguments of this process; ends in SystemExit."""

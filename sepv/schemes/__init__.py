@@ -29,14 +29,16 @@ from sepv.schemes._catalogue import by_name as by_name
 from sepv.schemes._claims import ALL_LAWS, FORMER, LAWS, OF_TWINS, law_named, page_of, require_laws
 from sepv.schemes._collocation import FIRST_NODES, MAX_NODES
 from sepv.schemes._collocation import collocation as collocation
+from sepv.schemes._conformal import undamped
 from sepv.schemes._continuation import continued as continued
 from sepv.schemes._discrete_gradient import coordinate_increments
 from sepv.schemes._division import divided as divided
 from sepv.schemes._drift_preserving import pushed_by_noise, quiet_step
 from sepv.schemes._energy_preserving import formula as energy_preserving_formula
 from sepv.schemes._energy_preserving import jacobian as energy_preserving_jacobian
+from sepv.schemes._explicit import end as explicit_formula
 from sepv.schemes._explicit import explicit as explicit
-from sepv.schemes._explicit_tableaux import CLASSICAL, DORMAND_PRINCE_8, ExplicitTableau
+from sepv.schemes._explicit_tableaux import CLASSICAL, DORMAND_PRINCE_8, TABLEAUX, ExplicitTableau
 from sepv.schemes._further_increments import answer as answer_of
 from sepv.schemes._further_increments import as_matrix, as_rows, carry, further_rows
 from sepv.schemes._gauss import gauss as gauss
@@ -54,7 +56,8 @@ from sepv.schemes._guard import (
 )
 from sepv.schemes._guard import ask as ask
 from sepv.schemes._itoh_abe import formula as itoh_abe_formula
-from sepv.schemes._leapfrog import composed_leapfrogs
+from sepv.schemes._langevin import CLAIMS as LANGEVIN_CLAIMS
+from sepv.schemes._leapfrog import KicksAndDrifts, composed_leapfrogs
 from sepv.schemes._load_target import as_twin, load_object, require_trusted, words_for
 from sepv.schemes._load_target import load_problem as load_problem
 from sepv.schemes._load_target import load_scheme as load_scheme
@@ -80,7 +83,7 @@ from sepv.schemes._point_distributions import NORMAL, point_law
 from sepv.schemes._point_distributions import PointLaw as PointLaw
 from sepv.schemes._projected import projected as projected
 from sepv.schemes._recorded import Recorded
-from sepv.schemes._scheme import OF_DAMPED, OF_SEVERAL, Step, as_lanes, takes
+from sepv.schemes._scheme import OF_DAMPED, OF_SEVERAL, Step, as_lanes, takes, truncation_for
 from sepv.schemes._scheme import Scheme as Scheme
 from sepv.schemes._scheme import Twin as Twin
 from sepv.schemes._scheme import weakly as weakly

@@ -20,6 +20,7 @@ from sepv.simulate._areas import RoughPath
 from sepv.simulate._areas import drawn as drawn
 from sepv.simulate._batch import CHUNK, Carried, Watch, advance, batch_step, judged, run_chunk
 from sepv.simulate._batch import Ensemble as Ensemble
+from sepv.simulate._run_arguments import checked as run_arguments
 from sepv.simulate._run_arguments import initial_state, step_count
 from sepv.simulate._truncation import seen
 from sepv.simulate._truncation import truncate as truncate

@@ -23,7 +23,7 @@ _SEEN = ("energy", "casimir", "midpoint", "symmetry", "reference", "rounding")
 Correction = Callable[[Problem, Array, Array, Array], Array]
 
 
-def _fixed_point(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
+def fixed_point(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
     return right_side(problem, y0, y0 + z, step) - z
 
 
@@ -53,7 +53,7 @@ def _frozen_newton(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
     return linear_solve(A, right_side(problem, y0, y0 + z, step) - z)
 
 
-def _iterated(
+def iterated(
     correction: Correction, most: int, tolerance: float = 0.0, *, together: bool = False
 ) -> Callable[[], Scheme]:
     """A saboteur that iterates z ← z + correction from 0,
@@ -80,7 +80,7 @@ def _iterated(
 
 SABOTEURS.rows(
     *((f"stopped-at-{size}", f"the fixed-point iteration stops at a relative correction of {size}", _SEEN,
-       _iterated(_fixed_point, 60, float(size))) for size in ("1e-8", "1e-12"))
+       iterated(fixed_point, 60, float(size))) for size in ("1e-8", "1e-12"))
 )  # fmt: skip
 
 
@@ -88,7 +88,7 @@ SABOTEURS.rows(
 def residual_of_1e_10(problem: Problem, y0: Array, step: Array) -> Array:
     z = np.zeros_like(y0)
     for _ in range(20):
-        residual = np.max(np.abs(_fixed_point(problem, y0, z, step)), axis=0)
+        residual = np.max(np.abs(fixed_point(problem, y0, z, step)), axis=0)
         if np.all(residual <= 1e-10):
             break
         z = np.where(residual <= 1e-10, z, z + _newton(problem, y0, z, step))
@@ -97,15 +97,15 @@ def residual_of_1e_10(problem: Problem, y0: Array, step: Array) -> Array:
 
 SABOTEURS.rows(
     ("understated-tolerance", "the solver stops at 1e-8 and states a tolerance of 1e-13", _SEEN,
-     lambda: replace(_iterated(_fixed_point, 60, 1e-8)(), solver_tolerance=1e-13)),
-    ("newton-once", "one iteration of Newton, whatever it leaves", _SEEN, _iterated(_newton, 1)),
-    ("newton-twice", "two iterations of Newton, whatever they leave", _SEEN, _iterated(_newton, 2)),
+     lambda: replace(iterated(fixed_point, 60, 1e-8)(), solver_tolerance=1e-13)),
+    ("newton-once", "one iteration of Newton, whatever it leaves", _SEEN, iterated(_newton, 1)),
+    ("newton-twice", "two iterations of Newton, whatever they leave", _SEEN, iterated(_newton, 2)),
     # Inside the contraction radius three iterations meet the laws *casimir* and *midpoint* to
     # rounding.
     ("newton-thrice", "three iterations of Newton, whatever they leave",
-     tuple(law for law in _SEEN if law not in ("casimir", "midpoint")), _iterated(_newton, 3)),
+     tuple(law for law in _SEEN if law not in ("casimir", "midpoint")), iterated(_newton, 3)),
     ("newton-four-times", "four iterations of Newton: right for all but long steps", ("energy",),
-     _iterated(_newton, 4)),
+     iterated(_newton, 4)),
 )  # fmt: skip
 
 
@@ -121,14 +121,14 @@ def one_evaluation_more(step: Step, problem: Problem, y: Array, h: float, dW: Ar
 
 
 SABOTEURS.rows(
-    ("frozen-jacobian", "six iterations of Newton with the Jacobian of the first", _SEEN, _iterated(_frozen_newton, 6)),
+    ("frozen-jacobian", "six iterations of Newton with the Jacobian of the first", _SEEN, iterated(_frozen_newton, 6)),
     ("fixed-point-thrice", "the fixed-point iteration stops silently after three times", _SEEN,
-     _iterated(_fixed_point, 3)),
+     iterated(fixed_point, 3)),
     # *energy* is not named: long steps overflow, for which this law has the verdict `error`.
     ("silent-cap", "the fixed-point iteration stops silently after 60 times, converged or not",
-     ("rounding",), _iterated(_fixed_point, 60, 0.5 * EPS)),
+     ("rounding",), iterated(fixed_point, 60, 0.5 * EPS)),
     ("lanes-stop-together", "all states of a batch stop iterating when the first of them has converged",
-     ("reproducibility",), _iterated(_newton, 20, 1e-9, together=True)),
+     ("reproducibility",), iterated(_newton, 20, 1e-9, together=True)),
 )  # fmt: skip
 
 
