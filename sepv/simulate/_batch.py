@@ -206,8 +206,6 @@ class Ensemble:
                 self.y.store_path.store, consolidated=False, mask_and_scale=False, drop_variables=["work"]
             )
             data: dict[str, Any] = dict(kept.data_vars)
-            if "states" in data:
-                data["states"] = data["states"].transpose(*AXES["states"], "path")
         else:
             data = {name: ((*axes, "path"), getattr(self, name)) for name, axes in AXES.items()}
             if self.problem is not None and len(self.times):

@@ -16,7 +16,6 @@ import sepv
 from sepv import problems, schemes
 from sepv.simulate._batch import AXES
 from sepv.simulate._results.code_hash import code_of
-from sepv.simulate._results.zarr_store import _checksum
 
 pytest.importorskip("zarr")
 
@@ -311,33 +310,6 @@ def test_states_are_component_first_at_chosen_times_from_the_start() -> None:
     assert body.casimirs().shape == (1, 2, 10)
     assert np.ptp(body.casimirs()) < 1e-14
     assert sepv.ensemble(EP, problems.rigid_body(), h=1 / 16, T=0.5, paths=10).energy().shape == (10,)
-
-
-def test_a_store_with_states_time_first_is_read_and_continued(tmp_path: Path) -> None:
-    """Stores of the first format have states as (time, component, path)."""
-    zarr = pytest.importorskip("zarr")
-    place, arguments = tmp_path / "old.zarr", {**SMALL, "times": [0.125, 0.25, 0.5]}
-    new = sepv.ensemble(EP, PENDULUM, store=place, **arguments)
-    wanted, group = np.asarray(new.states[...]), zarr.open_group(str(place), mode="r+")
-    work = group["work"][...]
-    shutil.rmtree(place / "states")
-    group.attrs["sepv"] = {**group.attrs["sepv"], "format": 1}
-    states = group.create_array(
-        "states", shape=(3, 2, 1000), chunks=(3, 2, 256), dtype="f8", dimension_names=("time", "component", "path"),
-    )  # fmt: skip
-    states[...] = np.swapaxes(wanted, 0, 1)
-    for number in range(4):
-        here = slice(number * 256, min(1000, (number + 1) * 256))
-        contents = {name: np.asarray(group[name][..., here]) for name in AXES if name in group}
-        work[number, 0] = _checksum(number, contents, [int(v) for v in work[number, 1:]])
-    work[2, 0] = -9  # a chunk that was not finished
-    group["work"][...] = work
-    states[..., 512:768] = np.nan
-    again = sepv.ensemble(EP, PENDULUM, store=place, **arguments)
-    assert again.states.shape == (2, 3, 1000)
-    assert np.array_equal(np.asarray(again.states), wanted)
-    assert np.array_equal(again.states[:, -1, 5], wanted[:, -1, 5])
-    assert again.to_xarray().states.dims == ("component", "time", "path")
 
 
 def test_an_ensemble_prints_as_one_line() -> None:

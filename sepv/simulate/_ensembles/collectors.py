@@ -240,7 +240,7 @@ class OnDisk(Total):
         }
         self.store = ZarrStore(where, empty.about, shapes, task.count, size)
         arrays: dict[str, Any] = {
-            key: self.store.shown(key)
+            key: self.store.arrays[key]
             if key in self.store.arrays
             else np.empty((*lengths, task.count), dtype=dtype)
             for key, (_, lengths, dtype) in shapes.items()

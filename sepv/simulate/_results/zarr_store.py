@@ -18,34 +18,12 @@ import numpy as np
 from sepv._arguments import optional
 from sepv.errors import UsageError
 
-# The version of the format of a store: 2 has states as (component, time, path). TIME_FIRST, the
-# version before, has them as (time, component, path); such stores are read, and continued, in the
-# order of their axes.
+# The version of the format of a store, which has states as (component, time, path).
 FORMAT = 2
-TIME_FIRST = 1
 # The counts of work of a chunk, stored after the checksum in the chunk's row of `work`.
 COUNTED = ("gradient_evaluations", "structure_evaluations", "iterations", "divisions", "continuations")
 # Fill values of entries never written; no path has these values.
 _FILL = {"f": float("nan"), "i": -9}
-
-
-class TimeFirst:
-    """The states of a store of the older format for users:
-    its first two axes are exchanged when they are read.
-    """
-
-    def __init__(self, array: Any) -> None:
-        self.array, self.dtype = array, array.dtype
-        self.shape = (array.shape[1], array.shape[0], array.shape[2])
-
-    def __getitem__(self, index: Any) -> Any:
-        """The entries of an index of the exchanged axes. All states are read,
-        because such stores are rare.
-        """
-        return np.swapaxes(self.array[...], 0, 1)[index]
-
-    def __array__(self, dtype: Any = None, copy: Any = None) -> Any:
-        return np.asarray(self[...], dtype=dtype)
 
 
 class ZarrStore:
@@ -68,14 +46,13 @@ class ZarrStore:
         self.chunks = -(-paths // chunk)
         self.where = where
         self.group = _group(zarr, where, {**about, "format": FORMAT, "paths": paths, "chunk": chunk})
-        self.time_first = self.group.attrs["sepv"]["format"] == TIME_FIRST
         self.arrays: dict[str, Any] = {}
         for name, (axes, lengths, dtype) in shapes.items():
             if 0 in lengths:
                 continue
-            older = self.time_first and name == "states"
-            ordered, sizes = (axes[::-1], lengths[::-1]) if older else (axes, lengths)
-            self.arrays[name] = self._array(name, (*sizes, paths), (*sizes, chunk), (*ordered, "path"), dtype)
+            self.arrays[name] = self._array(
+                name, (*lengths, paths), (*lengths, chunk), (*axes, "path"), dtype
+            )
         line = 1 + len(COUNTED)
         self.work = self._array("work", (self.chunks, line), (1, line), ("chunk", "counted"), np.int64)
 
@@ -108,7 +85,7 @@ class ZarrStore:
         """Write chunk `number`, given as an `Ensemble`.
         Its row of `work` is written last and marks it as complete.
         """
-        contents = {name: self._ordered(name, getattr(chunk, name)) for name in self.arrays}
+        contents = {name: getattr(chunk, name) for name in self.arrays}
         for name, array in self.arrays.items():
             array[..., self._place(number)] = contents[name]
         counts = [getattr(chunk, key) for key in COUNTED]
@@ -126,21 +103,7 @@ class ZarrStore:
         counts = line[1:]
         if _checksum(number, contents, counts) != line[0]:
             return None
-        ordered = {name: self._ordered(name, values) for name, values in contents.items()}
-        return ordered | dict(zip(COUNTED, counts, strict=True))
-
-    def _ordered(self, name: str, values: Any) -> Any:
-        """Exchange the first two axes of the states of a store of the older format,
-        in either direction.
-        """
-        return np.swapaxes(values, 0, 1) if self.time_first and name == "states" else values
-
-    def shown(self, name: str) -> Any:
-        """The array `name` for users: the zarr array, or the states of an older store with the
-        component first.
-        """
-        array = self.arrays[name]
-        return TimeFirst(array) if self.time_first and name == "states" else array
+        return contents | dict(zip(COUNTED, counts, strict=True))
 
     def _place(self, number: int) -> slice:
         return slice(number * self.chunk, min((number + 1) * self.chunk, self.paths))
@@ -168,8 +131,6 @@ def _group(zarr: Any, where: Any, about: dict[str, Any]) -> Any:
     found = group.attrs.asdict().get("sepv")
     if not isinstance(found, dict):
         raise _other(target, "it was not written by sepv")
-    if found.get("format") == TIME_FIRST:
-        about = {**about, "format": TIME_FIRST}
     differ = [key for key in sorted({*found, *about}) if found.get(key) != about.get(key)]
     vague = (
         "code",
