@@ -5,10 +5,12 @@ with a reason for each that it cannot run.
 from __future__ import annotations
 
 import gc
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.util import find_spec
 from types import ModuleType
+from typing import TypeVar
 
 import numpy as np
 
@@ -32,6 +34,7 @@ from sepv.simulate._compiled.stages import StagesWriter
 from sepv.simulate._compiled.writer import ExplicitWriter, Writer
 from sepv.simulate.targets._target import CannotCompile
 
+T = TypeVar("T")
 # Up to this number, paths run one by one, because a block of lanes would be mostly empty. The bits
 # are the same.
 FEW = 8
@@ -59,13 +62,20 @@ def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated:
     """
     if not _installed():
         raise CannotCompile("numba is not installed (pip install numba)")
+    return printed(scheme, problem, lambda code, formula: _loaded(code, formula, lanes, compensated))
+
+
+def printed(scheme: Scheme, problem: Problem, make: Callable[[RecordedProblem, Formula], T]) -> T:
+    """Return what a target makes of the problem's code and the scheme's formula;
+    raise CannotCompile, with the reason, if they cannot be printed.
+    """
     formula, code = taken(scheme, problem), code_of(problem)
     if formula.implicit and formula.stages * problem.dimension > LARGEST_SYSTEM:
         raise CannotCompile(
             f"{scheme.name} has {formula.stages * problem.dimension} unknowns, the engine takes {LARGEST_SYSTEM}"
         )
     try:
-        return _loaded(code, formula, lanes, compensated)
+        return make(code, formula)
     except NoClosedForm as error:
         raise CannotCompile(f"{problem.name} has no exact mean gradient: H contains {error}") from error
     except CannotRecord as error:

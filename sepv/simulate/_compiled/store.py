@@ -7,10 +7,8 @@ from __future__ import annotations
 import hashlib
 import importlib
 import importlib.util
-import os
 import re
 import sys
-import tempfile
 import threading
 from collections.abc import Iterator
 from functools import cache
@@ -24,7 +22,7 @@ import numpy as np
 from llvmlite import binding
 
 from sepv._patches import put_off_blas
-from sepv.files import cache_folder
+from sepv.files import cache_folder, write_atomically
 
 # The pattern of a line, in a module's source, that imports names from sepv.
 _IMPORTS = re.compile(r"^from (sepv[\w.]*) import (.+)$", re.MULTILINE)
@@ -122,11 +120,7 @@ def _loaded(text: str) -> ModuleType:
     name = name_of(text)
     path = cache_folder("engine") / f"{name}.py"
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
-        # Written under another name and renamed, so that another process sees the whole file or
-        # none.
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as out:
-            out.write(text)
-        os.replace(out.name, path)
+        write_atomically(str(path), text)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None

@@ -14,7 +14,7 @@ import numpy as np
 
 from sepv.core.newton import ROUNDING, STAGNATION, STOP_ERROR, ZERO_RESIDUAL, Status
 from sepv.problem import Problem, cramer, dot
-from sepv.record import EPS, TINY, CannotRecord, NoClosedForm
+from sepv.record import EPS, TINY
 from sepv.schemes import (
     MAX_NODES,
     Scheme,
@@ -24,13 +24,12 @@ from sepv.schemes import (
     random_step,
     step_and_variance,
 )
-from sepv.simulate._compiled.compile import LARGEST_SYSTEM, code_of, taken
+from sepv.simulate._compiled.compile import printed
 from sepv.simulate._compiled.layout import FIRST
 from sepv.simulate._compiled.recorded import RecordedProblem
 from sepv.simulate._compiled.schemes import Collocation, Formula
 from sepv.simulate._compiled.stages import SHRINKS, TESTED, StagesWriter
 from sepv.simulate._wiener import MIXING, STREAMS, TOP
-from sepv.simulate.targets._target import CannotCompile
 from sepv.simulate.targets.cuda.printer import function, number, table
 
 # The most unknowns for which Cramer's rule, and for which elimination, is written out.
@@ -63,17 +62,11 @@ def kernel_text(scheme: Scheme, problem: Problem, compensated: bool) -> Text:
 
     Raise CannotCompile, with the reason, if it cannot be printed.
     """
-    formula, code = taken(scheme, problem), code_of(problem)
-    if formula.implicit and formula.stages * problem.dimension > LARGEST_SYSTEM:
-        raise CannotCompile(
-            f"{scheme.name} has {formula.stages * problem.dimension} unknowns, the engine takes {LARGEST_SYSTEM}"
-        )
-    try:
-        return Text(_written(code, formula, compensated), formula.implicit)
-    except NoClosedForm as error:
-        raise CannotCompile(f"{problem.name} has no exact mean gradient: H contains {error}") from error
-    except CannotRecord as error:
-        raise CannotCompile(f"{scheme.name} cannot be recorded for {problem.name}: {error}") from error
+    return printed(
+        scheme,
+        problem,
+        lambda code, formula: Text(_written(code, formula, compensated), formula.implicit),
+    )
 
 
 def _written(code: RecordedProblem, formula: Formula, compensated: bool) -> str:
