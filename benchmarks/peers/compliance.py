@@ -20,19 +20,20 @@ from sepv.properties import FALSE_ALARM, FIRST_LOOK
 
 from benchmarks.peers.compliance_measurements import (
     LIBRARIES,
+    NO_AREAS,
     SETUPS,
-    law_cells,
+    Row,
     release,
+    rows,
     suite_key,
 )
-from benchmarks.peers.compliance_rows import Row, scheme_row
 from benchmarks.peers.deviations import Deviation, deviations_shown_by
 from benchmarks.peers.kept_measurements import Cell, measured
 from benchmarks.peers.options import measuring, page_options, put
 from sepv import __version__, problems
 from sepv.console import Shown, markdown
 from sepv.errors import TargetError
-from sepv.law import Effort, Law, Verdict, energy_ulp
+from sepv.law import Effort, Verdict, energy_ulp
 from sepv.peers.peer import load
 from sepv.problem import Problem
 from sepv.schemes import Scheme, energy_preserving
@@ -54,34 +55,34 @@ HOLDS = MARKS[Verdict.HOLDS]
 WORDS = {MARKS[Verdict.VIOLATED]: "violated", MARKS[Verdict.INCONCLUSIVE]: "open"}
 
 
-def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: Shown) -> list[Row]:
-    """The rows of the installed libraries, after a row of a scheme of sepv for comparison."""
-    jobs: list[tuple[str, Any]] = [("sepv", replace(energy_preserving, name="energy-preserving"))]
+def schemes_of(libraries: Sequence[str]) -> list[tuple[str, Scheme]]:
+    """The solvers of the installed libraries, after a scheme of sepv for comparison."""
+    jobs = [("sepv", replace(energy_preserving, name="energy-preserving"))]
     for library in libraries:
         try:
-            adapter = load(library)
+            jobs += [(library, solver) for solver in load(library).schemes.values()]
         except TargetError as error:
             click.echo(f"{library} left out: {error.received}", err=True)
-            continue
-        jobs += [(library, solver) for solver in adapter.schemes.values()]
-    laws = load_laws()
-    cells: list[Cell] = []
-    for library, solver in jobs:
-        cells += solver_cells(library, solver, laws, effort)
-    found = measured(cells, folder, shown)
-    return [scheme_row(library, solver, found) for library, solver in jobs]
+    return jobs
 
 
-def solver_cells(library: str, solver: Scheme, laws: Sequence[Law], effort: Effort) -> Iterator[Cell]:
-    """The cells of one scheme: its laws and its energy defects."""
-    yield from law_cells(library, solver, laws, effort)
-    for setup in SETUPS:
-        yield Cell(
+def energies(
+    jobs: Sequence[tuple[str, Scheme]], effort: Effort, folder: Path | None, shown: Shown
+) -> dict[str, tuple[str, ...]]:
+    """The largest energy defects of each scheme in energy ulps, for each of `SETUPS`."""
+    cells = [
+        Cell(
             solver.name,
             f"energy defect, {setup.problem}",
             (release(library), *suite_key(effort), setup.T, PATHS, ENERGY_STEPS),
             partial(_energy, solver, problems.by_name(setup.problem), setup.T),
         )
+        for library, solver in jobs
+        for setup in SETUPS
+    ]
+    found = measured(cells, folder, shown)
+    names = [f"energy defect, {setup.problem}" for setup in SETUPS]
+    return {solver.name: tuple(found[solver.name, name] for name in names) for _, solver in jobs}
 
 
 def _energy(solver: Scheme, problem: Problem, T: float) -> str:
@@ -95,13 +96,16 @@ def _energy(solver: Scheme, problem: Problem, T: float) -> str:
     return f"{float(np.max(defects)) / energy_ulp(problem, start, start):.2g}"
 
 
-def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str) -> str:
+def document(
+    found: Sequence[Row], energy: Mapping[str, Sequence[str]], deviations: Sequence[Deviation], command: str
+) -> str:
     """The page, in Markdown."""
     contradicted = {d.solver for d in deviations}
 
-    releases = dict.fromkeys(f"{r.library} {r.release}" for r in found)
-    notes = _grouped((note.partition(": ")[2], note.partition(": ")[0]) for r in found for note in r.notes)
-    sources = _grouped((r.source, r.name) for r in found if r.library != "sepv")
+    releases = dict.fromkeys(f"{r.library} {release(r.library)}" for r in found)
+    said = (note.partition(": ") for r in found for note in _notes(r.scheme, r.found))
+    notes = _grouped((text, name) for name, _, text in said)
+    sources = _grouped((r.scheme.source, r.name) for r in found if r.library != "sepv")
     parts = [
         "# Laws of other libraries' Stratonovich solvers",
         f"Made by `{command}` with sepv {__version__}. Releases: {', '.join(releases)}.",
@@ -111,7 +115,7 @@ def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str
         LESS if contradicted else "",
         "\n".join(notes),
         "## Energy",
-        _energy_defects(found),
+        _energy_defects(found, energy),
         "## Where the claimed orders come from",
         "\n".join(sources),
     ]
@@ -135,17 +139,19 @@ def _listed(names: Sequence[str]) -> str:
     return "; ".join(name.removeprefix(f"{before} ") if before else name for name, before in pairs)
 
 
-def _energy_defects(found: Sequence[Row]) -> str:
+def _energy_defects(found: Sequence[Row], energy: Mapping[str, Sequence[str]]) -> str:
     """The range of the energy defects of other libraries' solvers beside the defect of sepv's own
     scheme.
     """
     lines, own = [], found[0]
     for at, setup in enumerate(SETUPS):
-        others = {r.name: r.energy[at] for r in found[1:]}
+        others = {r.name: energy[r.scheme.name][at] for r in found[1:]}
         failed = [f"{name}: {text}" for name, text in others.items() if text.endswith("failed")]
         values = sorted(float(text) for text in others.values() if not text.endswith("failed"))
         span = [f"other solvers {values[0]:.2g} to {values[-1]:.2g}"] if values else []
-        lines.append("; ".join([f"- {setup.problem}: {own.name} {own.energy[at]}", *span, *failed]))
+        lines.append(
+            "; ".join([f"- {setup.problem}: {own.name} {energy[own.scheme.name][at]}", *span, *failed])
+        )
     text = (
         f"The largest |H(y_n) − H(y_0)| of {PATHS} paths over [0, 1] with {ENERGY_STEPS} steps, in units of "
         "eps·|∇H|·|y|:"
@@ -165,15 +171,37 @@ def kept(verdicts: Mapping[str, str]) -> tuple[str, str]:
 
 def _laws(found: Sequence[Row], contradicted: Collection[str]) -> str:
     """A line for each group of solvers with the same verdicts on the same laws."""
-    left_out = [law for law in LAWS if not any(law in r.verdicts for r in found)]
+    left_out = [law for law in LAWS if not any(law in r.found for r in found)]
     groups: dict[tuple[tuple[str, str], ...], list[str]] = {}
     for r in found:
         mark = " †" if r.name.split(",")[0] in contradicted else ""
-        groups.setdefault(tuple(r.verdicts.items()), []).append(r.name + mark)
+        groups.setdefault(tuple(r.marks.items()), []).append(r.name + mark)
     lines = [(_listed(names), *kept(dict(verdicts))) for verdicts, names in groups.items()]
     missing = f"Not measured: {', '.join(left_out) or 'none'}."
     caption = f"{missing} {UNNAMED}"
     return f"{caption}\n\n{markdown(('solvers', *KEPT), lines)}"
+
+
+def _notes(scheme: Scheme, findings: Mapping[str, Any]) -> Iterator[str]:
+    """Reasons of errors, and remarks that a reader of the marks needs."""
+    for name, found in findings.items():
+        lines = found["message"].splitlines()
+        if Verdict(found["verdict"]) is Verdict.ERROR and lines:
+            # The message has the case that could not be measured, and then three lines of the
+            # error.
+            yield f"{scheme.name}, {name}: {lines[-3] if lines[0].endswith(':') and len(lines) > 3 else lines[0]}"
+    no_areas = [name for name, found in findings.items() if found["message"] == NO_AREAS]
+    if no_areas:
+        yield f"{scheme.name}: {', '.join(no_areas)} {NO_AREAS}"
+    limit, order = findings.get("right-limit"), findings.get("mean-square-order")
+    if limit is None or order is None or Verdict(limit["verdict"]) is not Verdict.VIOLATED:
+        return
+    intervals = [m["interval"] for m in order["measured"]]
+    if intervals and all(low is not None and low > 0.25 for low, _ in intervals):
+        yield (
+            f"{scheme.name}, right-limit: the error itself falls with h. The law assumes mean errors in whole "
+            "powers of h, so it mistakes one that falls like h^½ for a wrong limit"
+        )
 
 
 def _introduction() -> str:
@@ -204,10 +232,11 @@ def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: 
     # Counterexamples are not shown here, so that little is spent on simplifying them.
     effort = Effort(seed=seed, shrink_checks=50)
     with measuring(keep) as line:
-        found = rows(libraries or LIBRARIES, effort, keep, line)
+        jobs = schemes_of(libraries or LIBRARIES)
+        found, energy = rows(jobs, load_laws(), effort, keep, line), energies(jobs, effort, keep, line)
         line.update("the scripts that show deviations", 1.0)
         shown = deviations_shown_by(out.parent / "peers", LIBRARIES) if out else []
-    put(out, lambda arguments: document(found, shown, f"{COMMAND}{arguments}"), libraries, seed)
+    put(out, lambda arguments: document(found, energy, shown, f"{COMMAND}{arguments}"), libraries, seed)
 
 
 if __name__ == "__main__":

@@ -1,24 +1,29 @@
-"""Measurements of laws on a library's solver. Each is a `Cell`, whose result can be stored."""
+"""Measurements of laws on a library's solver. Each is a `Cell`, whose result can be stored;
+a `Row` has those of one solver.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache, partial
 from importlib import resources
 from importlib.metadata import packages_distributions, version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from sepv.properties import setups
 
 from benchmarks.peers.environments import VERSIONS
-from benchmarks.peers.kept_measurements import Cell
+from benchmarks.peers.kept_measurements import Cell, measured
 from sepv import __version__
+from sepv.console import Shown
 from sepv.law import Effort, Law, Verdict
 from sepv.peers.peer import load
 from sepv.schemes import Scheme, page_of
-from sepv.verification import verify
+from sepv.verification import MARKS, verify
 
 LIBRARIES = tuple(VERSIONS)
 # The setups on which schemes with untruncated increments are judged: all solvers here have such
@@ -28,6 +33,43 @@ SETUPS = setups(truncation=None)
 # Laws by quadrature over ΔW, which do not average over other noise that a step draws.
 OVER_INCREMENTS = ("local-mean", "local-weak")
 NO_AREAS = "not applicable: these laws average over ΔW alone, but the step also uses an area"
+
+
+@dataclass(frozen=True)
+class Row:
+    """The measured behaviour of one scheme of a library: the finding on each law, as JSON."""
+
+    library: str
+    scheme: Scheme
+    found: Mapping[str, Any]
+
+    @property
+    def name(self) -> str:
+        """The library and the solver."""
+        return f"{self.library} {self.scheme.name.removeprefix(f'{self.library} ')}"
+
+    @property
+    def marks(self) -> dict[str, str]:
+        """The mark of each law's verdict, with a + if the law is claimed."""
+        return {
+            law: MARKS[Verdict(f["verdict"])] + " +" * bool(f["claimed"]) for law, f in self.found.items()
+        }
+
+
+def rows(
+    jobs: Sequence[tuple[str, Scheme]], laws: Sequence[Law], effort: Effort, folder: Path | None, shown: Shown
+) -> list[Row]:
+    """The row of each scheme, which stands behind the name of its library."""
+    cells = [cell for library, scheme in jobs for cell in law_cells(library, scheme, laws, effort)]
+    found = measured(cells, folder, shown)
+    return [
+        Row(
+            library,
+            scheme,
+            {law.name: silent(library, scheme).get(law.name) or found[scheme.name, law.name] for law in laws},
+        )
+        for library, scheme in jobs
+    ]
 
 
 def law_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort) -> Iterator[Cell]:

@@ -10,25 +10,21 @@ documentation says otherwise, the script is in the folder ``peers`` beside the p
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import click
 
 from benchmarks.peers.compliance import KEPT, UNNAMED, _listed, kept
-from benchmarks.peers.compliance_measurements import law_cells, release
+from benchmarks.peers.compliance_measurements import Row, release, rows
 from benchmarks.peers.deviations import Deviation, deviations_shown_by
-from benchmarks.peers.kept_measurements import measured
-from benchmarks.peers.options import measuring, page_options, put
+from benchmarks.peers.options import jobs_of, measuring, page_options, put
 from sepv import __version__
-from sepv.console import Shown, markdown
+from sepv.console import markdown
 from sepv.files import write_atomically
 from sepv.law import Effort, Verdict
-from sepv.peers.peer import installed, load, names
-from sepv.schemes import Scheme
-from sepv.verification import MARKS, load_laws
+from sepv.peers.peer import names
+from sepv.verification import load_laws
 
 COMMAND = "python -m benchmarks.peers.integrators"
 ROUNDING = "integrator-rounding.md"
@@ -43,29 +39,6 @@ JUDGED_LAWS = (
 )
 
 
-@dataclass(frozen=True)
-class Row:
-    """One integrator: its fields, and the finding on each law."""
-
-    library: str
-    release: str
-    scheme: Scheme
-    found: Mapping[str, Any]
-
-
-def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: Shown) -> list[Row]:
-    """The rows of the libraries in `libraries`, or of all installed libraries if none is named."""
-    listed = [load(name) for name in libraries] if libraries else installed()
-    jobs = [(peer.library, scheme) for peer in listed for scheme in peer.integrators.values()]
-    laws = load_laws(JUDGED_LAWS)
-    cells = [cell for library, scheme in jobs for cell in law_cells(library, scheme, laws, effort)]
-    found = measured(cells, folder, shown)
-    return [
-        Row(library, release(library), scheme, {law: found[scheme.name, law] for law in JUDGED_LAWS})
-        for library, scheme in jobs
-    ]
-
-
 def document(
     found: Sequence[Row], differing: Sequence[Deviation], rounded: Sequence[Deviation], command: str
 ) -> str:
@@ -73,12 +46,9 @@ def document(
     marked = {d.solver for d in (*differing, *rounded)}
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in found:
-        marks = {
-            law: MARKS[Verdict(f["verdict"])] + " +" * bool(f["claimed"]) for law, f in row.found.items()
-        }
-        groups.setdefault(kept(marks), []).append(row)
+        groups.setdefault(kept(row.marks), []).append(row)
     lines = [(_listed([_name(row, marked) for row in group]), *texts) for texts, group in groups.items()]
-    versions = dict.fromkeys(f"{row.library} {row.release}" for row in found)
+    versions = dict.fromkeys(f"{row.library} {release(row.library)}" for row in found)
     parts = [
         "# Laws that integrators of samplers and simulators obey",
         f"Made by `{command}` with sepv {__version__} and {', '.join(versions)}.",
@@ -165,7 +135,7 @@ def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: 
     effort = Effort(seed=seed, shrink_checks=50)
     docs = out.parent if out else Path("docs")
     with measuring(keep) as line:
-        found = rows(libraries, effort, keep, line)
+        found = rows(jobs_of("integrators", libraries), load_laws(JUDGED_LAWS), effort, keep, line)
         line.update("the scripts that show deviations", 1.0)
         own = {row.library for row in found}
         differing, rounded = (deviations_shown_by(docs / name, own) for name in ("peers", "integrators"))

@@ -17,10 +17,8 @@ from typing import Any
 
 import click
 
-from benchmarks.peers import compliance_measurements as measurements
-from benchmarks.peers.compliance_measurements import LIBRARIES, release
+from benchmarks.peers.compliance_measurements import LIBRARIES, Row, release, rows
 from benchmarks.peers.deviations import shown_by
-from benchmarks.peers.kept_measurements import measured
 from sepv import __version__
 from sepv.console import showing
 from sepv.errors import SepvError
@@ -45,9 +43,7 @@ def record(
     as in record.schema.json.
     """
     adapter, asked = load(library), load_laws(QUICK_LAWS)
-    schemes = tuple(adapter.schemes.values())
-    cells = [cell for s in schemes for cell in measurements.law_cells(library, s, asked, effort)]
-    found = measured(cells, keep, shown)
+    found = rows([(library, s) for s in adapter.schemes.values()], asked, effort, keep, shown)
     shown.update("the scripts that show deviations", 1.0)
     # The other installed packages, without installers: one of them may be the reason of a change.
     beside = {d.metadata["Name"].lower(): d.version for d in distributions() if d.metadata["Name"]}
@@ -65,23 +61,18 @@ def record(
             "python": platform.python_version(), "machine": platform.machine(), "packages": packages
         },
         "absent": list(adapter.absent),
-        "solvers": [_scheme_entry(library, scheme, asked, found) for scheme in schemes],
+        "solvers": [_entry(row, asked) for row in found],
         "scripts": [] if scripts is None else list(_scripts(library, scripts)),
     }  # fmt: skip
 
 
-def _scheme_entry(
-    library: str, scheme: Any, asked: Sequence[Law], found: dict[tuple[str, str], Any]
-) -> dict[str, Any]:
-    unasked = measurements.silent(library, scheme)
-    laws = {law.name: _said(law.unit, unasked.get(law.name) or found[scheme.name, law.name]) for law in asked}
-    return _entry(library, scheme, scheme.weak_order, laws)
-
-
-def _entry(library: str, solver: Any, weak_order: float | None, laws: dict[str, Any]) -> dict[str, Any]:
-    name, order = solver.name.removeprefix(f"{library} "), solver.mean_square_order
-    orders = {"mean_square_order": order, "weak_order": weak_order}
-    return {"name": name, "source": solver.source, **orders, "laws": laws}
+def _entry(row: Row, asked: Sequence[Law]) -> dict[str, Any]:
+    scheme = row.scheme
+    return {
+        "name": scheme.name.removeprefix(f"{row.library} "), "source": scheme.source,
+        "mean_square_order": scheme.mean_square_order, "weak_order": scheme.weak_order,
+        "laws": {law.name: _said(law.unit, row.found[law.name]) for law in asked},
+    }  # fmt: skip
 
 
 def _said(unit: str, cell: dict[str, Any]) -> dict[str, Any]:

@@ -11,6 +11,8 @@ import click
 
 from sepv.console import Shown, showing
 from sepv.errors import SepvError
+from sepv.peers.peer import installed, load
+from sepv.schemes import Scheme
 
 _KEEP = (
     "A folder for what is measured: what it holds is not measured again, so that an interrupted run goes on."
@@ -43,6 +45,14 @@ def page_options(known: Sequence[str]) -> Callable[[Callable[..., Any]], Callabl
         return command
 
     return add
+
+
+def jobs_of(kind: str, libraries: Sequence[str]) -> list[tuple[str, Scheme]]:
+    """The "integrators" or "thermostats" of the named libraries, or of all installed ones if none
+    is named, each behind the name of its library.
+    """
+    listed = [load(name) for name in libraries] if libraries else installed()
+    return [(peer.library, scheme) for peer in listed for scheme in getattr(peer, kind).values()]
 
 
 @contextmanager

@@ -11,14 +11,13 @@ from pathlib import Path
 
 import click
 
-from benchmarks.peers.compliance_measurements import law_cells, release
-from benchmarks.peers.kept_measurements import measured
-from benchmarks.peers.options import measuring, page_options, put
+from benchmarks.peers.compliance_measurements import Row, release, rows
+from benchmarks.peers.options import jobs_of, measuring, page_options, put
 from sepv import __version__
 from sepv.console import markdown
-from sepv.law import Effort, Verdict
-from sepv.peers.peer import installed, load, names
-from sepv.verification import MARKS, load_laws
+from sepv.law import Effort
+from sepv.peers.peer import names
+from sepv.verification import load_laws
 
 COMMAND = "python -m benchmarks.peers.thermostats"
 LAWS = (
@@ -71,32 +70,26 @@ We read the docstrings and the source of the three integrators, and the document
 @page_options(names())
 def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: int) -> None:
     """Measure what other libraries' integrators of Langevin dynamics keep, and write the page."""
-    listed = [load(name) for name in libraries] if libraries else installed()
-    jobs = [(peer.library, scheme) for peer in listed for scheme in peer.thermostats.values()]
     laws, effort = load_laws(LAWS), Effort(seed=seed, shrink_checks=50)
     with measuring(keep) as line:
-        found = measured(
-            [cell for library, scheme in jobs for cell in law_cells(library, scheme, laws, effort)],
-            keep,
-            line,
-        )
+        found = rows(jobs_of("thermostats", libraries), laws, effort, keep, line)
 
-    def cell(name: str, law: str) -> str:
-        one = found[name, law]
-        power = f" {one['defect']:.2f}" if law in POWERS and one["defect"] is not None else ""
-        return MARKS[Verdict(one["verdict"])] + power + " +" * bool(one["claimed"])
+    def cell(row: Row, law: str) -> str:
+        mark, defect = row.marks[law], row.found[law].get("defect")
+        power = f" {defect:.2f}" if law in POWERS and defect is not None else ""
+        return mark.removesuffix(" +") + power + " +" * mark.endswith(" +")
 
-    table = [(law, *(cell(scheme.name, law) for _, scheme in jobs)) for law in LAWS]
-    versions = ", ".join(f"{library} {release(library)}" for library, _ in jobs)
+    table = [(law, *(cell(row, law) for row in found)) for law in LAWS]
+    versions = ", ".join(f"{row.library} {release(row.library)}" for row in found)
 
     def document(arguments: str) -> str:
         parts = [
             "# Langevin dynamics of other libraries",
             f"Made by `{COMMAND}{arguments}` with sepv {__version__} and {versions}.",
             INTRODUCTION,
-            markdown(("law", *(scheme.name for _, scheme in jobs)), table),
+            markdown(("law", *(row.scheme.name for row in found)), table),
             "## Where the claims come from",
-            "\n".join(f"- {scheme.source}" for _, scheme in jobs),
+            "\n".join(f"- {row.scheme.source}" for row in found),
             NOISE,
         ]
         return "\n\n".join(parts) + "\n"

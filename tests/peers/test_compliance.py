@@ -19,7 +19,6 @@ from doors import ROOT
 from benchmarks.peers import changes as trend
 from benchmarks.peers import compliance, deviations
 from benchmarks.peers import compliance_measurements as measurements
-from benchmarks.peers import compliance_rows as rows
 from benchmarks.peers import one_release as peer
 from benchmarks.peers import records as history
 from benchmarks.peers.deviations import Shown as Script
@@ -37,19 +36,30 @@ DOCS = ROOT / "docs"
 QUICK = Effort(examples=20, paths=256, shrink_checks=30)
 
 
-def _row(**changes: object) -> compliance.Row:
-    given: dict[str, object] = {
-        "library": "lib", "release": "1.0", "solver": "heun", "source": "its manual",
-        "energy": ("5", "6"), "verdicts": {"energy": "–", "contract": "holds +"},
+OF_HEUN = {"energy": ("violated", False), "contract": ("holds", True)}
+
+
+def _row(
+    library: str = "lib", solver: str = "heun", verdicts: dict[str, tuple[str, bool]] = OF_HEUN
+) -> measurements.Row:
+    scheme = Scheme(f"{library} {solver}", lambda problem, y, h, dW: y, source="its manual")
+    found = {law: {"verdict": v, "claimed": c, "message": ""} for law, (v, c) in verdicts.items()}
+    return measurements.Row(library, scheme, found)
+
+
+def energies(*rows: measurements.Row) -> dict[str, tuple[str, ...]]:
+    return {row.scheme.name: ("5", "6") for row in rows}
+
+
+def test_the_page_groups_solvers_by_their_verdicts_and_marks_what_is_contradicted(monkeypatch) -> None:
+    marks = {
+        "energy": ("violated", True), "symmetry": ("inconclusive", True), "casimir": ("holds", False),
+        "truncation": ("not_applicable", False),
     }  # fmt: skip
-    return compliance.Row(**{**given, **changes})
-
-
-def test_the_page_groups_solvers_by_their_verdicts_and_marks_what_is_contradicted() -> None:
-    marks = {"energy": "– +", "symmetry": "? +", "casimir": "holds", "truncation": "n/a"}
-    others = {"solver": "twin"}, {"library": "other", "solver": "box"}, {"solver": "open", "verdicts": marks}
-    found = [_row(), *(_row(**changes) for changes in others)]
-    page = compliance.document(found, [deviations.Deviation("lib heun", "### lib heun: no")], "the command")
+    found = [_row(), _row(solver="twin"), _row("other", "box"), _row(solver="open", verdicts=marks)]
+    monkeypatch.setattr(compliance, "release", lambda _library: "1.0")
+    contradicted = [deviations.Deviation("lib heun", "### lib heun: no")]
+    page = compliance.document(found, energies(*found), contradicted, "the command")
     lines = page.splitlines()
     assert "Not measured: reproducibility, identity, " in page
     assert "| lib heun †; twin; other box | 1 of 1 |  |" in lines
@@ -64,8 +74,9 @@ def absent(name: str) -> Peer:
 
 
 def test_a_missing_library_is_left_out_and_said_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compliance, "solver_cells", lambda *_: [])
-    monkeypatch.setattr(compliance, "scheme_row", lambda *_: _row())
+    monkeypatch.setattr(compliance, "rows", lambda *_: [_row()])
+    monkeypatch.setattr(compliance, "energies", lambda *_: energies(_row()))
+    monkeypatch.setattr(compliance, "release", lambda _library: "1.0")
     monkeypatch.setattr(compliance, "load", absent)
     result = CliRunner().invoke(compliance.main, ["--library", "torchsde"])
     assert result.exit_code == 0
@@ -87,7 +98,6 @@ def test_an_interrupted_table_goes_on_where_it_was_and_is_the_same(tmp_path, mon
     monkeypatch.setattr(compliance, "LAWS", laws)
     monkeypatch.setattr(compliance, "load_laws", lambda: load_laws(laws))
     monkeypatch.setattr(measurements, "_finding", finding)
-    monkeypatch.setattr(rows, "LAWS", laws)
     keep, out = tmp_path / "kept", tmp_path / "table.md"
     arguments = ["--library", "sdeint", "--keep", str(keep), "--out", str(out)]
 
@@ -117,11 +127,13 @@ def test_a_note_says_why_a_mark_is_not_what_it_seems() -> None:
     message = "not measured:\ny = 0\nThe scheme raised.\nExpected\nRemedy"
     error = {"verdict": "error", "message": message, "measured": ()}
     scheme = Scheme("own", lambda problem, y, h, dW: y)
-    found = list(rows._notes(scheme, {"identity": error, "mean-square-order": order, "right-limit": limit}))
+    found = list(
+        compliance._notes(scheme, {"identity": error, "mean-square-order": order, "right-limit": limit})
+    )
     assert found[0] == "own, identity: The scheme raised."
     assert found[1].startswith("own, right-limit: the error itself falls")
     order["measured"] = [{"interval": [-0.1, 0.2]}]  # the error stays: then it is a wrong limit
-    assert not list(rows._notes(scheme, {"mean-square-order": order, "right-limit": limit}))
+    assert not list(compliance._notes(scheme, {"mean-square-order": order, "right-limit": limit}))
 
 
 NOTED = 'NOTES = [("README, 1.0", "2020-02-29", "order 1, not tested")]\n'
