@@ -4,6 +4,7 @@ and ends with one word if it is interrupted.
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextvars import ContextVar
@@ -54,6 +55,17 @@ def tell(text: str, share: float) -> None:
     track = _TRACK.get()
     if track is not None:
         track.shown.update(text, share)
+
+
+def arguments(about: str | None, **options: Any) -> argparse.Namespace:
+    """Read a benchmark's options from its command line. For each the default is given, whose type
+    it takes, False for a flag, or the keywords of `add_argument`.
+    """
+    parser = argparse.ArgumentParser(description=(about or "").partition("\n\n")[0])
+    for name, value in options.items():
+        usual = {"action": "store_true"} if value is False else {"type": type(value), "default": value}
+        parser.add_argument(f"--{name}", **(value if isinstance(value, dict) else usual))
+    return parser.parse_args()
 
 
 def start(main: Callable[[], Any]) -> None:

@@ -17,7 +17,6 @@ because one of its intervals is enough to accuse. Then alpha falls to 1e-5.
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -45,7 +44,7 @@ from sepv.properties import (
 )
 from sepv.properties import mean_square_slope as slope
 
-from benchmarks import over, start
+from benchmarks import arguments, over, start
 from sepv import problems, schemes
 from sepv.law import Verdict
 from sepv.problem import Array, Problem
@@ -196,13 +195,14 @@ def deep(scheme: Scheme, problem: Problem, batches: int, seed: int) -> tuple[int
 
 def main() -> None:
     """Print the table as Markdown."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
-    parser.add_argument("--batches", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--scheme", action="append", choices=list(SCHEMES))
-    parser.add_argument("--problem", action="append", choices=["rigid-body", "pendulum"])
-    parser.add_argument("--deep", action="store_true", help="the shares of right-limit at 1e-2 to 1e-5")
-    options = parser.parse_args()
+    options = arguments(
+        __doc__,
+        batches=1000,
+        seed=0,
+        scheme={"action": "append", "choices": list(SCHEMES)},
+        problem={"action": "append", "choices": ["rigid-body", "pendulum"]},
+        deep={"action": "store_true", "help": "the shares of right-limit at 1e-2 to 1e-5"},
+    )
     if options.deep:
         for name in options.scheme or SCHEMES:
             for known in options.problem or ("rigid-body", "pendulum"):

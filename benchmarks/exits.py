@@ -16,7 +16,6 @@ k = 2. A step that is not solved counts as an exit. The bound does not cover suc
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -24,7 +23,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import beta
 
-from benchmarks import over, start
+from benchmarks import arguments, over, start
 from sepv import ensemble, exact_flow, problems, schemes
 from sepv.console import markdown
 from sepv.core.newton import Status
@@ -199,12 +198,10 @@ def rows(paths: int, count: int = 0, engine: str = "auto") -> list[list[str]]:
 
 def main() -> None:
     """Print the table as Markdown."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
-    parser.add_argument("--paths", type=int, default=4000)
-    parser.add_argument("--count", type=lambda text: int(float(text)), default=0)
-    parser.add_argument("--engine", default="auto")
+    options = arguments(
+        __doc__, paths=4000, count={"type": lambda text: int(float(text)), "default": 0}, engine="auto"
+    )
     heads = ["problem", "scheme", "bound", "paths that left", "probability", "rms error of those that stay"]
-    options = parser.parse_args()
     print(markdown(heads, rows(options.paths, options.count, options.engine)))
 
 

@@ -10,7 +10,6 @@ is left (Linux). Steps are those of `hostile_steps`. Two faults run at a time, t
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import re
@@ -27,7 +26,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from uuid import uuid4
 
-from benchmarks import over, start
+from benchmarks import arguments, over, start
 from sepv.console import markdown
 
 # Seconds after which a command counts as hung; of a law's --timeout; until the processes of a
@@ -371,12 +370,11 @@ def trials(fault: Fault) -> list[Outcome]:
 
 def main() -> None:
     """Print the table as Markdown; exit code 1 if a fault is not survived."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
-    parser.add_argument("--only", default="", help="kinds that begin so")
+    options = arguments(__doc__, only={"default": "", "help": "kinds that begin so"})
     chosen = [
         fault
         for fault in (*signals(), *hangs(), *crashes(), *files(), *systems())
-        if fault.kind.startswith(parser.parse_args().only)
+        if fault.kind.startswith(options.only)
     ]
     kinds: dict[str, list[tuple[Fault, Outcome]]] = {fault.kind: [] for fault in chosen}
     # A shell lets what it starts in the background ignore Ctrl-C, and so would the commands.

@@ -10,7 +10,6 @@ need 1.5 GB. `--quick` takes smaller sizes.
 
 from __future__ import annotations
 
-import argparse
 import math
 import os
 from collections.abc import Callable, Sequence
@@ -24,7 +23,7 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 import sepv
-from benchmarks import over, start
+from benchmarks import arguments, over, start
 from sepv import problems, schemes
 from sepv.console import markdown
 
@@ -161,11 +160,9 @@ def rows(quick: bool) -> list[Row]:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--only", default="", help="rows whose name begins so")
-    options = parser.parse_args()
+    options = arguments(
+        __doc__, rounds=5, quick=False, only={"default": "", "help": "rows whose name begins so"}
+    )
     table = []
     for row in over((r for r in rows(options.quick) if r.what.startswith(options.only)), lambda r: r.what):
         if len(row.sizes) < 2:  # one core

@@ -7,12 +7,11 @@ minutes of one core.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Iterable, Sequence
 
 import sepv
-from benchmarks import additive_noise, over, start
+from benchmarks import additive_noise, arguments, over, start
 from sepv.console import markdown
 from sepv.law import Finding, Verdict
 from sepv.verification import LAWS, Report
@@ -129,12 +128,13 @@ def is_red(finding: Finding) -> bool:
     return finding.claimed and finding.verdict is Verdict.VIOLATED
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Print the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", nargs="*", default=list(SCHEMES), help="schemes")
-    parser.add_argument("--laws", nargs="*", default=list(LAWS), help="laws")
-    chosen = parser.parse_args(arguments)
+    chosen = arguments(
+        __doc__,
+        only={"nargs": "*", "default": list(SCHEMES), "help": "schemes"},
+        laws={"nargs": "*", "default": list(LAWS), "help": "laws"},
+    )
     reports = {}
     for name in over(chosen.only):
         reports[name] = sepv.verify(name, laws=chosen.laws)

@@ -7,15 +7,13 @@ precision at every 16th state. Steps that have no solution are divided, and coun
 
 from __future__ import annotations
 
-import argparse
-
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 from sepv.reference.problem import exact_problem
 
 import sepv
-from benchmarks import over, start
+from benchmarks import arguments, over, start
 from sepv import problems, schemes
 from sepv.schemes import divided
 
@@ -25,10 +23,7 @@ SAMPLE_EVERY = 16
 
 def main() -> None:
     """Print the largest defects up to several times."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--end", type=float, default=100.0)
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
+    options = arguments(__doc__, end=100.0, seed=0)
     problem, h = problems.lotka_volterra(), 2.0**-8
     assert problem.data is not None
     exact = exact_problem(problem.data, 30)

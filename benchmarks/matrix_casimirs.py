@@ -8,12 +8,10 @@ with noise and without.
 
 from __future__ import annotations
 
-import argparse
-
 import numpy as np
 
 import sepv
-from benchmarks import over, start
+from benchmarks import arguments, over, start
 from sepv import problems
 from sepv.console import markdown
 from sepv.problem import Problem
@@ -61,11 +59,8 @@ def rows(paths: int) -> list[list[str]]:
 
 def main() -> None:
     """Print the table as Markdown."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
-    parser.add_argument("--paths", type=int, default=100)
-    print(
-        markdown(["problem", "noise", "scheme", "tr P²", "tr P³", "tr P⁴"], rows(parser.parse_args().paths))
-    )
+    options = arguments(__doc__, paths=100)
+    print(markdown(["problem", "noise", "scheme", "tr P²", "tr P³", "tr P⁴"], rows(options.paths)))
 
 
 if __name__ == "__main__":

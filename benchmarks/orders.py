@@ -16,7 +16,6 @@ stages.
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations
 
@@ -27,7 +26,7 @@ from sepv.properties import StrongErrors, strong_errors, tilted_errors
 from sepv.properties import mean_square_slope as slope
 
 import sepv
-from benchmarks import over, start
+from benchmarks import arguments, over, start
 from sepv import problems, schemes
 from sepv.exact import clipping_error
 from sepv.problem import Array, PolynomialSystem, Problem
@@ -222,14 +221,15 @@ def clipping(paths: int, seed: int) -> None:
 
 def main() -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--paths", type=int, default=2048)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--problem", action="append", choices=list(RUNS))
-    parser.add_argument("--stages", type=int, action="append", choices=[1, 2, 3, 4])
-    parser.add_argument("--stall", action="store_true")
-    parser.add_argument("--clipping", action="store_true")
-    options = parser.parse_args()
+    options = arguments(
+        __doc__,
+        paths=2048,
+        seed=0,
+        problem={"action": "append", "choices": list(RUNS)},
+        stages={"type": int, "action": "append", "choices": [1, 2, 3, 4]},
+        stall=False,
+        clipping=False,
+    )
     if options.stall:
         stall(options.paths, options.seed)
     elif options.clipping:

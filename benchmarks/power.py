@@ -12,7 +12,6 @@ design, do not count.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import warnings
 from dataclasses import replace
@@ -23,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks import over, start
+from benchmarks import arguments, over, start
 from sepv.errors import SchemeFault, SepvError
 from sepv.faults.saboteurs import SABOTEURS
 from sepv.law.cases.strata import Space
@@ -189,14 +188,13 @@ def power(fault: Fault, seen: dict[tuple[int, ...], bool]) -> tuple[int, int, in
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
-    parser.add_argument("--seeds", type=int, default=3, help="how many")
-    parser.add_argument(
-        "--start", type=int, default=0, help="the first: one that nobody has looked at while tuning"
+    options = arguments(
+        __doc__,
+        seeds={"type": int, "default": 3, "help": "how many"},
+        start={"type": int, "default": 0, "help": "the first: one that nobody has looked at while tuning"},
+        law={"action": "append", "help": "only this one"},
+        missed={"action": "store_true", "help": "name the pairs that were missed"},
     )
-    parser.add_argument("--law", action="append", help="only this one")
-    parser.add_argument("--missed", action="store_true", help="name the pairs that were missed")
-    options = parser.parse_args()
     print("| systems | law | broken | but for | cases | found: strata | found: pairs | of |", flush=True)
     print("|---|---|---|---|--:|--:|--:|--:|")
     asked = [f for f in FAULTS if not options.law or f.law in options.law]

@@ -12,7 +12,6 @@ dense solve for all paths, and has no step size. Points with an unsolved step ar
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -21,7 +20,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import over, start
+from benchmarks import arguments, over, start
 from benchmarks.orders import build
 from sepv import schemes
 from sepv.exact import clipping_error, exact_flow
@@ -190,11 +189,7 @@ def picture(results: dict[str, list[Point]], path: Path) -> None:
 
 def main() -> None:
     """Print the tables, and draw the picture if one is asked for."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--paths", type=int, default=2000)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--picture", type=Path)
-    options = parser.parse_args()
+    options = arguments(__doc__, paths=2000, seed=0, picture={"type": Path})
     out, results = Console(width=150), {}
     for name, (T, steps) in over(GRIDS.items(), lambda item: item[0]):
         problem = build(name)

@@ -11,7 +11,6 @@ which is not quadratic: over 10⁸ steps of 2⁻¹⁰ every path drifts to a ste
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable
 from typing import Any
@@ -22,7 +21,7 @@ from rich.table import Table
 from sepv.reference.problem import exact_problem
 
 import sepv
-from benchmarks import over, start
+from benchmarks import arguments, over, start
 from sepv import problems, schemes
 from sepv.law import casimir_ulp, energy_ulp
 from sepv.law.tolerance import rounding_walk
@@ -124,14 +123,13 @@ def measure(name: str, h: float, steps: int, paths: int, seed: int, table: Table
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
-    parser.add_argument("--steps", type=float, default=1e6)
-    parser.add_argument("--paths", type=int, default=32)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument(
-        "--problem", action="append", choices=[name for name, _ in RUNS], help="all without it"
+    options = arguments(
+        __doc__,
+        steps=1e6,
+        paths=32,
+        seed=0,
+        problem={"action": "append", "choices": [name for name, _ in RUNS], "help": "all without it"},
     )
-    options = parser.parse_args()
     steps = int(options.steps)
     out = Console(width=150)
     out.print(f"(2.1), {options.paths} paths of {steps} steps: root mean square over √n")

@@ -10,14 +10,13 @@ fault if it says `violated`; an inconclusive law accuses nobody.
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from benchmarks import over, start
+from benchmarks import arguments, over, start
 from sepv import schemes, verify
 from sepv.faults.saboteurs.solver import fixed_point, iterated
 from sepv.law import Effort
@@ -68,13 +67,14 @@ def verdicts(scheme: Scheme, laws: list[str], seeds: range) -> Counter[tuple[str
 
 def main() -> None:
     """Print a line for each scheme."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
-    parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--start", type=int, default=0)
-    parser.add_argument("--scheme", action="append", choices=RIGHT, help="right ones; without --fault all")
-    parser.add_argument("--fault", choices=FAULTS)
-    parser.add_argument("--size", type=float, action="append", default=[])
-    options = parser.parse_args()
+    options = arguments(
+        __doc__,
+        seeds=10,
+        start=0,
+        scheme={"action": "append", "choices": RIGHT, "help": "right ones; without --fault all"},
+        fault={"choices": FAULTS},
+        size={"type": float, "action": "append", "default": []},
+    )
     seeds = range(options.start, options.start + options.seeds)
     rows = [(name, schemes.by_name(name), LAWS) for name in options.scheme or RIGHT if not options.fault]
     for size in options.size:

@@ -9,9 +9,7 @@ that a law finds, and its verdict on the next smaller one.
 
 from __future__ import annotations
 
-import argparse
-
-from benchmarks import over, start
+from benchmarks import arguments, over, start
 from sepv.faults.saboteurs.record import claiming
 from sepv.law import Effort, Verdict
 from sepv.problem import Array, Problem
@@ -53,9 +51,7 @@ def smallest(law: str, of: str) -> tuple[int | None, Verdict]:
 
 def main() -> None:
     """Print the table as Markdown."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
-    parser.add_argument("--law", action="append", choices=LAWS)
-    options = parser.parse_args()
+    options = arguments(__doc__, law={"action": "append", "choices": LAWS})
     print(
         "| law | noise too large by | below that | drift too large by | below that |\n|---|---|---|---|---|"
     )

@@ -11,7 +11,6 @@ its reason.
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -20,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from sepv.properties import five_noises
 
-from benchmarks import over, start
+from benchmarks import arguments, over, start
 from sepv import problems, schemes
 from sepv.law import Effort, Finding, Verdict
 from sepv.problem import Problem
@@ -164,15 +163,14 @@ def judged(
 
 def main() -> None:
     """Print the table as Markdown."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
-    parser.add_argument("--problem", action="append", choices=list(PROBLEMS))
-    parser.add_argument("--scheme", action="append", help=f"by default {', '.join(SCHEMES)}")
-    parser.add_argument("--law", action="append", help=f"by default {', '.join(LAWS)}")
-    parser.add_argument(
-        "--corners", action="store_true", help="only where rate, noise and size are all extreme"
+    options = arguments(
+        __doc__,
+        problem={"action": "append", "choices": list(PROBLEMS)},
+        scheme={"action": "append", "help": f"by default {', '.join(SCHEMES)}"},
+        law={"action": "append", "help": f"by default {', '.join(LAWS)}"},
+        corners={"action": "store_true", "help": "only where rate, noise and size are all extreme"},
+        seed=0,
     )
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
     laws = tuple(options.law or LAWS)
     scales = tuple(s for s in SCALES if 1.0 not in s) if options.corners else SCALES
     print(f"{len(scales)} scales: rate, noise and size from {min(VALUES):g} to {max(VALUES):g}\n")

@@ -12,7 +12,6 @@ core.
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,7 +21,7 @@ from rich.table import Table
 from scipy.special import ndtri
 
 import sepv
-from benchmarks import over, start
+from benchmarks import arguments, over, start
 from sepv import problems
 from sepv.pictures import Axis, Series, content, draw_curves, figure, looks
 from sepv.problem import Problem
@@ -106,13 +105,14 @@ def picture(found: list[WeakError], path: Path) -> None:
 
 def main() -> None:
     """Print the table, and draw the picture if one is asked for."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
-    parser.add_argument("--problem", default="pendulum")
-    parser.add_argument("--paths", type=lambda text: int(float(text)), default=1_000_000)
-    parser.add_argument("--engine", default="auto")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--picture", type=Path, help="FILE.png, for which the extra plots is needed")
-    options = parser.parse_args()
+    options = arguments(
+        __doc__,
+        problem="pendulum",
+        paths={"type": lambda text: int(float(text)), "default": 1_000_000},
+        engine="auto",
+        seed=0,
+        picture={"type": Path, "help": "FILE.png, for which the extra plots is needed"},
+    )
     problem = problems.by_name(options.problem)
     run = {"paths": options.paths, "engine": options.engine}
     found: list[WeakError] = []
