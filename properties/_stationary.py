@@ -86,6 +86,11 @@ class Stationary:
     time: float
     drift: Array
 
+    @property
+    def sizes(self) -> Array:
+        """The standard deviations (d,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
 
 def exact(problem: Problem) -> Stationary | str:
     """The stationary distribution of the exact solution by (S),
@@ -126,7 +131,7 @@ def _of_flow(A: Array) -> Array:
 
 @dataclass(frozen=True)
 class AffineStep:
-    """A step y1 = rest + Φy + Nξ, in standard deviations from the exact mean.
+    """A step y1 = rest + Φy + Nξ, in units of given sizes from a given state.
 
     `error` bounds the error of a computed step, and `radius` is the spectral radius of Φ.
     """
@@ -138,29 +143,30 @@ class AffineStep:
     radius: float
 
 
-def affine(scheme: Scheme, problem: Problem, h: float, around: Stationary) -> AffineStep | str:
+def affine(
+    scheme: Scheme, problem: Problem, h: float, centre: Array, sizes: Array, A: Array
+) -> AffineStep | str:
     """The affine map of a step, or the reason why there is none: the scheme refuses it,
     or it is not affine.
 
-    The map is found from steps of the size of the exact distribution `around`.
+    The map is found from states and normal numbers up to 3 `sizes` (d,) from `centre` (d,). The
+    drift has the slope −A.
     """
     d, rows = problem.dimension, rows_of(scheme, problem, h)
-    k, sizes = rows.shape[1], np.sqrt(np.diag(around.covariance))
+    k = rows.shape[1]
     likely = np.full(problem.noises, max(TESTED) * math.sqrt(h))
-    if not takes(scheme, problem, around.mean, h, likely):
+    if not takes(scheme, problem, centre, h, likely):
         return f"{problem.name}: a step of {h:.2g} is longer than the longest that the scheme states"
     error = 0.0
 
     def step(y: Array, xi: Array) -> Array:
-        """A step in standard deviations from the exact mean; `error` bounds the residuals of
-        all.
-        """
+        """A step in `sizes` from the centre; `error` bounds the residuals of all."""
         nonlocal error
-        start, row = around.mean + sizes * y, rows @ xi
+        start, row = centre + sizes * y, rows @ xi
         end = ask(scheme, problem, start, h, row)
         residual = step_residual(problem, start, end, h, row[: problem.noises], scheme)
         error = max(error, float(np.max((residual + EPS * np.abs(end)) / sizes)))
-        return (end - around.mean) / sizes
+        return (end - centre) / sizes
 
     try:
         rest = step(np.zeros(d), np.zeros(k))
@@ -174,7 +180,7 @@ def affine(scheme: Scheme, problem: Problem, h: float, around: Stationary) -> Af
                 return f"a step of {problem.name} is not affine in y and the noise"
     except (StepFailure, Skipped) as refusal:
         return f"{problem.name}, h = {h:.2g}: the scheme refuses the step, {str(refusal).splitlines()[0]}"
-    A_hat = around.drift * sizes / sizes[:, None]
+    A_hat = A * sizes / sizes[:, None]
     error *= max(float(np.linalg.norm(np.linalg.inv(np.eye(d) + c * h * A_hat), np.inf)) for c in (0, 0.5, 1))
     return AffineStep(rest, Phi, N, error, float(np.max(np.abs(np.linalg.eigvals(Phi)))))
 
@@ -183,12 +189,13 @@ def of_step(scheme: Scheme, problem: Problem, h: float, around: Stationary) -> S
     """The stationary distribution of the scheme's step by (D),
     or the reason why there is none that can be judged.
     """
-    step = affine(scheme, problem, h, around)
+    sizes = around.sizes
+    step = affine(scheme, problem, h, around.mean, sizes, around.drift)
     if isinstance(step, str):
         return step
     if step.radius > 1 - RADIUS_GAP:
         return f"the spectral radius of a step of {problem.name} is {step.radius:.3g} for h = {h:.2g}"
-    d, sizes, Phi, N = problem.dimension, np.sqrt(np.diag(around.covariance)), step.Phi, step.N
+    d, Phi, N = problem.dimension, step.Phi, step.N
     back = np.linalg.inv(np.eye(d) - Phi)
     about = back @ step.rest
     operator, right = np.eye(d * d) - np.kron(Phi, Phi), N @ N.T
@@ -214,7 +221,7 @@ def does_not_decay(scheme: Scheme, problem: Problem, around: Stationary, sizes: 
     slowest = float(np.min(rates.real))
     shortest = slowest * around.time**2 / DECAY_SHARE
     for h in (shortest, *(size for size in sizes if size < shortest)):
-        step = affine(scheme, problem, float(h), around)
+        step = affine(scheme, problem, float(h), around.mean, around.sizes, around.drift)
         if isinstance(step, str):
             continue
         vectors = np.linalg.cond(np.linalg.eig(step.Phi)[1])

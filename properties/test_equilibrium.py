@@ -101,7 +101,7 @@ def error(found: Stationary, wanted: Stationary) -> float:
     """The largest error of a mean, and of a covariance,
     in standard deviations of the exact distribution.
     """
-    sizes = np.sqrt(np.diag(wanted.covariance))
+    sizes = wanted.sizes
     off = (found.covariance - wanted.covariance) / np.outer(sizes, sizes)
     return float(max(np.max(np.abs(off)), np.max(np.abs((found.mean - wanted.mean) / sizes))))
 
@@ -162,7 +162,7 @@ def of_positions(law: Law, scheme: Scheme, taken: list[Balance]) -> Finding:  # 
         q = positions(problem)
         if q is None:
             continue
-        sizes = np.sqrt(np.diag(wanted.covariance)[q])
+        sizes = wanted.sizes[q]
         for found in steps:
             S, exact = found.covariance[np.ix_(q, q)], wanted.covariance[np.ix_(q, q)]
             off = float(np.max(np.abs(S - exact) / np.outer(sizes, sizes)))

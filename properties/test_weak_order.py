@@ -20,8 +20,10 @@ effect at these step sizes. If the means are below their statistical error, the 
 `inconclusive`, with the number of paths needed. But for several Hamiltonians the law then holds if
 "local-weak" holds, because errors of order ½ often hide the means there.
 
-For increments with few values nothing is sampled: `sepv.properties._orders.weak_trees` sums E
-g(y_N) over all paths.
+Where nothing has to be sampled, the slope of the exact means is judged as in "local-weak". For
+increments with few values `sepv.properties._orders.weak_trees` sums E g(y_N) over all paths. For a
+linear drift with additive noise, as friction has with a quadratic V, y(T) is Gaussian, and if the
+step is affine, `sepv.properties._orders.gaussian_moments` computes the means of both.
 """
 
 from __future__ import annotations
@@ -33,10 +35,13 @@ from typing import Any
 import numpy as np
 from sepv.properties._orders import local_orders
 from sepv.properties._orders.convergence import StrongErrors, above_floor, mean_square_order
+from sepv.properties._orders.gaussian_moments import LEAST_SIZES, moment_errors_at
 from sepv.properties._orders.means import Coefficient, decay, leading, moment_errors
 from sepv.properties._orders.weak_trees import LEAST_RESOLUTIONS, tree_errors
 from sepv.properties._sequential import Assess, Assessment, hold_level, is_tilted, judge
+from sepv.properties._setups import Setup, setups_for
 
+from sepv.errors import Skipped
 from sepv.law import Effort, Finding, Law, Run, Verdict, about_noise, require
 from sepv.problem import Array, Problem, Systems, column
 from sepv.schemes import Scheme, has_memory, order_of, point_law
@@ -56,6 +61,7 @@ STRONG_MARGIN = 0.25
 # with hardly any noise, when c h³ remains). If means fall more slowly than the order less MARGIN,
 # the part is 0.8 or more.
 LEAST_PART = 1 / 32
+_RANKS = (Verdict.VIOLATED, Verdict.ERROR, Verdict.INCONCLUSIVE, Verdict.HOLDS, Verdict.NOT_APPLICABLE)
 
 
 def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
@@ -116,9 +122,46 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
             lambda _, order: order - MARGIN,
             1.0, tree_errors, LEAST_RESOLUTIONS,
         )  # fmt: skip
-    found = judge(
-        law, scheme, this_run, assessing(scheme.weak_order, is_tilted(scheme), hold_level(scheme, this_run))
-    )
+    setups = setups_for(scheme, this_run.effort)
+    known = {setup: found for setup in setups if (found := moment_errors_at(scheme, setup))}
+    rest = tuple(setup for setup in setups if setup not in known)
+    if not known:
+        return _sampled(law, scheme, this_run, rest)
+    built = {setup.build(): errors for setup, errors in known.items()}
+    found = local_orders.judge(
+        law, scheme, this_run, lambda errors: errors.weak,
+        lambda _: order_of(scheme.weak_order, "additive"), lambda _, order: order - MARGIN,
+        1.0, lambda _scheme, problem, _run: built[problem], LEAST_SIZES, problems=built,
+    )  # fmt: skip
+    if found.verdict is Verdict.VIOLATED or not rest:
+        return found
+    try:
+        return _joined(found, _sampled(law, scheme, this_run, rest))
+    except Skipped as skip:
+        return replace(found, message=f"{found.message}\n{skip.reason}")
+
+
+def _joined(*findings: Finding) -> Finding:
+    """The worst of findings about different problems, with the texts and measurements of all."""
+
+    def rank(finding: Finding) -> tuple[int, float]:
+        apart = (finding.defect or math.inf) - (finding.bound or 0.0)
+        return _RANKS.index(finding.verdict), apart
+
+    witness: dict[str, Any] = {}
+    for finding in findings:
+        witness |= finding.witness or {}
+    measured = [each for f in findings for each in (f.witness or {}).get("measured", ())]
+    return replace(
+        min(findings, key=rank), checks=sum(f.checks for f in findings), witness=witness | {"measured": measured},
+        message="\n".join(f.message for f in findings), replay=findings[-1].replay,
+    )  # fmt: skip
+
+
+def _sampled(law: Law, scheme: Scheme, this_run: Run, setups: tuple[Setup, ...]) -> Finding:
+    """Judge sampled paths, and for several Hamiltonians one step if paths decide nothing."""
+    assess = assessing(scheme.weak_order, is_tilted(scheme), hold_level(scheme, this_run))
+    found = judge(law, scheme, this_run, assess, setups=setups)
     # Milstein's theorem is about one-step methods.
     undecided = (
         found.verdict is Verdict.INCONCLUSIVE and REST_WORDS not in found.message and not has_memory(scheme)

@@ -131,13 +131,14 @@ class LocalErrors:
     exact_order: (
         int  # the power of h in the quadrature's error of `mean` and `weak`; larger slopes are not visible
     )
-    scale: float  # the largest component of a state
+    scale: float | Array  # the largest component of a state, (L,) if it differs
     flow: float  # the error of the exact solution
     steps: int  # the number of steps that the scheme made
     failed: tuple[
         tuple[float, str], ...
     ]  # other h with a description of a failed step: not solved, not finite or out of the domain
     column: str = "one"  # the kind of noise (`sepv.schemes._order_claims.COLUMNS`)
+    rounding: float | Array = 0.0  # a derived bound (L,) of further roundings
 
 
 def step_sizes(order: float) -> Array:

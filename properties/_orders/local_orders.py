@@ -8,7 +8,7 @@ scheme if the finest ones fall as the order demands, or if all errors are roundi
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -55,17 +55,18 @@ class Slope:
 
 
 def judge_slope(  # noqa: PLR0911  (one return for each meaning of a slope)
-    h: Array, errors: Array, least: float, rounding: float, floor: float
+    h: Array, errors: Array, least: float, rounding: float | Array, floor: float | Array
 ) -> Slope:
     """Judge whether errors (L,) at falling h have the slope `least` or more.
 
-    Errors below `rounding` may be rounding. Errors above `floor` are not rounding.
+    Errors below `rounding` may be rounding. Errors above `floor` are not rounding. Both may have
+    the shape (L,).
     """
     if not np.all(np.isfinite(errors)):
         return Slope(Verdict.VIOLATED, float("nan"), "errors too large for a number")
     large = np.flatnonzero(errors > floor)
     if errors.size and not large.size:
-        return Slope(Verdict.HOLDS, float("inf"), f"errors below {floor:.1e} are rounding")
+        return Slope(Verdict.HOLDS, float("inf"), f"errors below {np.max(floor):.1e} are rounding")
     # `far` counts errors up to the last large one, `real` those up to the first that may be
     # rounding.
     far = int(large[-1]) + 1 if large.size else 0
@@ -152,6 +153,7 @@ def judge(
     measure: Callable[[Scheme, Problem, Run], LocalErrors] = local_errors,
     enough: int = LEVELS // 2,
     example: Callable[[Scheme, Problem, float], str] = lambda *_: "",
+    problems: Iterable[Problem] | None = None,
 ) -> Finding:  # fmt: skip
     """Return the law's finding from the worst slope over the problems,
     each with at least `enough` step sizes.
@@ -159,7 +161,7 @@ def judge(
     `errors` selects the law's errors, and `claimed` the order with which they are compared. `needs`
     gives the slope that an order needs, half-way to the slope of the next lower order. Orders are
     `spacing` apart. `measure` computes the errors, and for a violation `example` describes one step
-    of a given size.
+    of a given size. `problems` are by default those of the scheme.
     """
     if scheme.eps > EPS:
         text = "one step shows its order where its error is below the roundings of single precision"
@@ -168,7 +170,7 @@ def judge(
     shown: list[str] = []
     skipped: list[Skipped] = []
     unknown = ""
-    for problem in problems_for(scheme):
+    for problem in problems_for(scheme) if problems is None else problems:
         if damping_of(problem) and not len(noise_vectors(problem)):
             unknown = f"the solution of one step of {problem.name} is not known here: it depends on the path"
             lines.append(f"{problem.name}: skipped, {unknown}")
@@ -214,10 +216,10 @@ def _slope_of(scheme: Scheme, local: LocalErrors, errors: Array, bound: float) -
     """Judge the slope of errors that are above rounding and above the errors of the scheme's solver
     and the flow.
     """
-    tolerance = scheme.solver_tolerance
+    tolerance, more = scheme.solver_tolerance, local.rounding
     return judge_slope(
-        local.h, errors, bound, (ROUNDING * EPS + 2 * tolerance) * local.scale + 2 * local.flow,
-        CLEAR * (FLOOR * EPS + tolerance) * local.scale,
+        local.h, errors, bound, (ROUNDING * EPS + 2 * tolerance) * local.scale + 2 * local.flow + more,
+        CLEAR * ((FLOOR * EPS + tolerance) * local.scale + more),
     )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from sepv.record import poly
 from sepv.schemes import Scheme, by_name
 from sepv.verification import load_laws
 
-LOCAL = ("local-mean", "local-mean-square", "local-weak")
+LOCAL = ("local-mean", "local-mean-square", "local-weak", "weak-order")
 LAWS = ("equilibrium", "equilibrium:positions", "poisson-map:conformal")
 SIZES = (0.125, 0.5, 1.0, 1.5)
 

@@ -4,22 +4,26 @@ and that step against other formulas.
 
 from dataclasses import replace
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from sepv.properties._orders.gaussian_moments import moments_of_steps
 from sepv.properties._orders.gaussian_step import affine_slope, gaussian_path, gaussian_step, is_gaussian
 from sepv.properties._orders.local_moments import exponents
 from sepv.properties._orders.log_ode import path
+from sepv.properties._stationary import affine, rows_of
 from sepv.reference.generator import moments
 
 import sepv
 from benchmarks.right_schemes import RIGHT
-from sepv.problem import Array, PolynomialSystem, Problem, drift, noise_vectors
+from sepv.faults.saboteurs import SABOTEURS
+from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, drift, noise_vectors
 from sepv.problems import langevin_double_well, langevin_oscillator, langevin_pair
 from sepv.schemes import Scheme, by_name
 from sepv.simulate import areas
-from sepv.verification import Effort
+from sepv.verification import Effort, Finding
 
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
 
@@ -127,3 +131,100 @@ def test_a_noise_that_uses_the_area_with_the_wrong_sign_has_order_one() -> None:
         return right.step(problem, y, h, dW, -bridge)
 
     assert verdicts(replace(right, step=turned), "mean-square-order") == ["violated"]
+
+
+def quadratic(scheme: Scheme, **changes: Any) -> Scheme:
+    return replace(scheme, problems=("langevin-oscillator", "langevin-pair"), **changes)
+
+
+def weak_order(scheme: Scheme, paths: int = 8192) -> Finding:
+    return sepv.verify(scheme, laws=["weak-order"], effort=Effort(corpus=False, paths=paths)).findings[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "order"),
+    [("baoab", 2), ("obabo", 2), ("gronbech-jensen-farago", 2), ("friction-euler-maruyama", 1)],
+)
+def test_weak_orders_of_affine_steps_are_read_without_paths(name: str, order: float) -> None:
+    found = weak_order(quadratic(by_name(name)))
+    assert found.verdict.text == "holds"
+    assert found.checks < 200
+    assert found.witness is not None
+    assert [m["slope"] for m in found.witness["measured"]] == pytest.approx([order, order], abs=0.01)
+    higher = weak_order(quadratic(by_name(name), weak_order=order + 1))
+    assert (higher.verdict.text, higher.checks) == ("violated", found.checks)
+
+
+def test_the_exact_distribution_has_errors_of_rounding_alone() -> None:
+    """Paths of it are not the given ones, so that sampling says nothing of its means."""
+    found = weak_order(RIGHT["exact-gaussian-step"])
+    assert (found.verdict.text, found.checks) == ("holds", 140)
+    assert "are rounding" in found.message
+
+
+@pytest.mark.parametrize("name", ["baoab", "obabo"])
+def test_moments_of_steps_are_those_of_the_powers_of_the_step(name: str) -> None:
+    """Against a path of three steps with all its normal numbers as one vector."""
+    scheme, problem, h = by_name(name), langevin_pair(), 0.25
+    A, y0, sizes = affine_slope(problem), np.array(problem.initial), np.array([0.5, 1.0, 2.0, 4.0])
+    assert A is not None
+    step = affine(scheme, problem, h, y0, sizes, A)
+    assert not isinstance(step, str)
+    m, S, _ = moments_of_steps(step, 3, 1.0)
+
+    def end(xi: Array) -> Array:
+        y = y0
+        for row in np.split(rows_of(scheme, problem, h) @ xi.reshape(-1, 3), 3, axis=1):
+            y = scheme.step(problem, y, h, *np.split(row[:, 0], len(row) // 2))
+        return y
+
+    n = 3 * step.N.shape[1]
+    mean = end(np.zeros(n))
+    spread = np.stack([end(e) - mean for e in np.eye(n)], axis=1) / sizes[:, None]
+    np.testing.assert_allclose(m, (mean - y0) / sizes, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(S, spread @ spread.T, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize(("truncation", "verdict"), [(None, "holds"), (2, "violated"), (4, "holds")])
+def test_the_variance_of_truncated_increments_counts(truncation: int | None, verdict: str) -> None:
+    """The exact distribution by normal increments has weak order k by truncated ones."""
+    spring = sepv.problems.harmonic_oscillator()
+    problem = HamiltoniansProblem(
+        2, spring.structure, spring.hamiltonian, noise=(1.0, 0.5), noise_vectors=tuple(np.eye(2)),
+        damping=np.eye(2) / 2, initial=(1.0, 0.5),
+    )  # fmt: skip
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        E, joint = van_loan(problem, h)
+        return np.asarray(y + E @ drift(problem, y) + np.linalg.cholesky(joint[:2, :2]) @ dW / np.sqrt(h))
+
+    scheme = Scheme(
+        "exact law", step, systems="friction", problems=[problem], weak_order=3, truncation=truncation
+    )
+    found = weak_order(scheme)
+    assert (found.verdict.text, found.checks < 200) == (verdict, True)
+
+
+def test_a_step_that_is_not_affine_is_sampled() -> None:
+    right = by_name("friction-euler-maruyama")
+
+    def clips(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        return right.step(problem, y, h, np.clip(dW, -2.5 * h**0.5, 2.5 * h**0.5))
+
+    assert "from 512 paths" in weak_order(quadratic(replace(right, step=clips)), paths=512).message
+
+
+def test_faults_on_quadratic_problems_need_no_other_problem() -> None:
+    found = weak_order(SABOTEURS["louder-by-a-fiftieth"].scheme)
+    assert (found.verdict.text, found.checks) == ("violated", 119)
+
+
+def test_exact_and_sampled_problems_are_reported_together() -> None:
+    found = weak_order(by_name("friction-euler-maruyama"))
+    assert found.witness is not None
+    names = {m["problem"] for m in found.witness["measured"]}
+    assert (found.verdict.text, names) == (
+        "holds",
+        {"langevin-oscillator", "langevin-pair", "langevin-double-well"},
+    )
+    assert found.replay == "--law weak-order --seed 0 --paths 8192"

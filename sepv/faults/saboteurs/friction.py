@@ -43,7 +43,7 @@ def half_the_temperature(problem: Problem, y: Array, h: float, dW: Array) -> Arr
 @SABOTEURS.like(
     BAOAB,
     "the second half of the kick is left out",
-    ("equilibrium", "deterministic-order", "local-mean", "local-weak", "mean-square-order"),
+    ("equilibrium", "deterministic-order", "local-mean", "local-weak", "mean-square-order", "weak-order"),
 )
 def half_a_kick(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return _step(problem, y, h, dW, Langevin.refreshed, last=0.0)
@@ -101,7 +101,7 @@ def rational_friction(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 @SABOTEURS.like(
     BAOAB,
     "the friction 1.02γ beside the noise of γ",
-    ("local-mean", "local-weak", "equilibrium", "poisson-map:conformal", "deterministic-order"),
+    ("local-mean", "local-weak", "equilibrium", "poisson-map:conformal", "deterministic-order", "weak-order"),
 )
 def friction_too_strong(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     def refresh(own: Langevin, p: Array, h: float, dW: Array) -> Array:
@@ -110,7 +110,9 @@ def friction_too_strong(problem: Problem, y: Array, h: float, dW: Array) -> Arra
     return _step(problem, y, h, dW, refresh)
 
 
-@SABOTEURS.like(BAOAB, "the noise 1.02σ", ("local-mean-square", "local-weak", "right-limit", "equilibrium"))
+@SABOTEURS.like(
+    BAOAB, "the noise 1.02σ", ("local-mean-square", "local-weak", "right-limit", "equilibrium", "weak-order")
+)
 def louder_by_a_fiftieth(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return BAOAB.step(problem, y, h, 1.02 * dW)
 
