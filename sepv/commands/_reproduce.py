@@ -49,12 +49,13 @@ def reproduce(figures: cli.Names, out: str | None, json_file: str | None, **opti
     Exit code 0, or 2 for wrong usage.
     """  # fmt: skip
     from sepv.console import console, print_sentence
+    from sepv.paper.errata import page
     from sepv.paper.on_terminal import show, summary, watching
     from sepv.paper.record import Size
     from sepv.paper.suite import reproduce as run
 
     if options["errata"]:
-        _errata()
+        click.echo(page(), nl=False)
         return
     folder = _folder(out, draws=not options["no_figures"])
     size = Size(share=QUICK if options["quick"] else 1.0, seed=options["seed"], engine=options["engine"])
@@ -67,22 +68,6 @@ def reproduce(figures: cli.Names, out: str | None, json_file: str | None, **opti
     if not options["quiet"]:
         show(reproduction, screen)
     print_sentence(screen, summary(reproduction))
-
-
-def _errata() -> None:
-    """Print one paragraph for each erratum."""
-    from rich.text import Text
-
-    from sepv.console import console
-    from sepv.paper.errata import errata
-
-    out = console()
-    for e, measured in errata():
-        out.print(Text.assemble((e.place, "bold"), f"  {e.printed}"), soft_wrap=not out.is_terminal)
-        parts = ("quoted", e.quote), ("instead", e.right), ("evidence", measured), ("command", e.command)
-        for name, text in parts:
-            out.print(Text.assemble((f"  {name}: ", "dim"), text), soft_wrap=not out.is_terminal)
-        out.print()
 
 
 def _folder(out: str | None, *, draws: bool) -> Path | None:

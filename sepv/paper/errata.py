@@ -3,13 +3,14 @@ and evidence.
 
 An entry quotes its sentence together with its neighbours, since a sentence may be completed by the
 next one. Formulas are between backticks and omissions are marked by "…"; the rest is the paper's
-text, word by word (``python -m benchmarks.errata --check TEXT`` compares). An entry is shown as an
-erratum only if its evidence, a computation, refutes the sentence.
+text, word by word. An entry is shown as an erratum only if its evidence, a computation, refutes the
+sentence. `page` is docs/errata.md: ``sepv reproduce --errata > docs/errata.md``.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -20,6 +21,7 @@ from sepv import problems, schemes
 from sepv.problem import Problem
 from sepv.problems import structure
 from sepv.record import EPS
+from sepv.reference.increments import lost_variance
 from sepv.simulate import ensemble
 from sepv.simulate import truncation as bounded
 
@@ -86,18 +88,33 @@ def errata() -> list[tuple[Erratum, str]]:
     return [(entry, evidence.measured) for entry, evidence in decided if evidence.verdict == "fails"]
 
 
-def moment_gap(A: float) -> float:
-    """The variance that ξ ~ N(0, 1) loses by ζ = clip(ξ, ±A):
-    E[ξ² − ζ²] = 2[(1 − A²) Q(A) + A φ(A)].
-    """
-    phi = math.exp(-A * A / 2) / math.sqrt(2 * math.pi)
-    Q = 0.5 * math.erfc(A / math.sqrt(2))
-    return 2 * ((1 - A * A) * Q + A * phi)
+def page() -> str:
+    """The errata with their evidence, in Markdown. A sentence that was quoted before is "[…]"."""
+    lines = [
+        "# Sentences of the paper that do not hold as printed",
+        "",
+        "This page quotes [Cohen and Dujardin](paper.md); […] replaces text quoted above. Each verdict rests on",
+        "computed evidence; brackets say how the evidence satisfies the passage's assumptions.",
+        "`sepv reproduce --errata` prints this page.",
+    ]
+    quoted: set[str] = set()
+    for entry, measured in errata():
+        sentences = re.split(r"(?<=[a-z]\.) (?=[A-Z])|(?<=…) (?=[A-Z])", entry.quote)
+        quote = " ".join("[…]" if sentence in quoted else sentence for sentence in sentences)
+        quoted |= {*sentences}
+        command = "" if entry.command == Erratum.command else f" (`{entry.command}`)"
+        lines += ["", f"## {entry.place}", "", f"> {quote.replace('[…] […]', '[…]')}", ""]
+        lines += [
+            f"- printed: {entry.printed}",
+            f"- correct: {entry.right}",
+            f"- evidence ({entry.hypotheses}): {measured}{command}",
+        ]
+    return "\n".join(lines) + "\n"
 
 
 def _moments() -> Evidence:
     bounds = {e: bounded.truncation_bound(2.0**-e, 2) for e in (2, 6, 10)}
-    rows = [(e, moment_gap(A), (1 + 2 * A) * 2.0 ** (-2 * e)) for e, A in bounds.items()]
+    rows = [(e, float(lost_variance(2.0**-e, 2)), (1 + 2 * A) * 2.0 ** (-2 * e)) for e, A in bounds.items()]
     return Evidence(
         all(abs(left - right) <= 1e-12 * right for _, left, right in rows),
         all(0 < left < right / 2 for _, left, right in rows),
@@ -127,7 +144,7 @@ def _product() -> Evidence:
 
 def _third_moment() -> Evidence:
     h, c = 2.0**-4, 1.0
-    gap = moment_gap(bounded.truncation_bound(h, 2))
+    gap = float(lost_variance(h, 2))
     printed, true = h**3 + 3 * c**2 * h**2, h**3 + 3 * c**2 * h**2 * (1 - gap)
     measured = f"h = 2^-4: left {true:.10g}, right {printed:.10g}, because E[ΔŴ²] = h (1 − {gap:.2g})"
     # Equal to rounding, or apart by more than a thousand roundings.
