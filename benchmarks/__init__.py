@@ -8,11 +8,14 @@ import argparse
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextvars import ContextVar
+from pathlib import Path
 from typing import Any, TypeVar
 
-from sepv.console import Shown, showing
+from sepv.console import ShownProgress, showing
 
 T = TypeVar("T")
+# The repository.
+ROOT = Path(__file__).resolve().parents[1]
 
 
 class _Track:
@@ -22,7 +25,7 @@ class _Track:
     `low`.
     """
 
-    def __init__(self, shown: Shown) -> None:
+    def __init__(self, shown: ShownProgress) -> None:
         self.shown, self.low, self.span = shown, 0.0, 1.0
         self.texts: list[str] = []
 

@@ -18,8 +18,8 @@ from sepv.console import markdown
 from sepv.problem import Array, PolynomialSystem, Problem, noise_vectors, vector_field
 from sepv.schemes import as_lanes, implicit, pushed_by_noise, quiet_step
 
-PAIRS, SEED, T = 10_000, 1, 1.0
-STEPS = (2, 16)
+PATH_PAIRS, SEED, ADDITIVE_T = 10_000, 1, 1.0
+ADDITIVE_STEPS = (2, 16)
 # The last argument holds the increments over the first half of the step, which only one of the
 # schemes uses.
 Step = Callable[[Problem, Array, float, Array, Array], Array]
@@ -39,7 +39,7 @@ def implicit_euler(problem: Problem, y: Array, h: float, dW: Array, first: Array
     return _implicit(problem, pushed_by_noise(problem, state, noise), h, noise).reshape(y.shape)
 
 
-SCHEMES: dict[str, Step] = {
+ADDITIVE_SCHEMES: dict[str, Step] = {
     "drift-preserving": schemes.drift_preserving.step,
     "Euler-Maruyama": euler_maruyama,
     "implicit Euler-Maruyama": implicit_euler,
@@ -55,17 +55,17 @@ def exact_rates(problem: Problem) -> Array:
 
 def rates(step: Step, problem: Problem, steps: int) -> tuple[Array, Array]:
     """The growth of E|y|² and of E[H] per unit of time, (2,), with standard errors."""
-    rng, h, origin = np.random.default_rng(SEED), T / steps, np.asarray(problem.initial)
-    y = np.repeat(origin[:, None], 2 * PAIRS, axis=1)
+    rng, h, origin = np.random.default_rng(SEED), ADDITIVE_T / steps, np.asarray(problem.initial)
+    y = np.repeat(origin[:, None], 2 * PATH_PAIRS, axis=1)
     for _ in range(steps):
-        halves = np.sqrt(h / 2) * rng.standard_normal((2, problem.noises, PAIRS))
+        halves = np.sqrt(h / 2) * rng.standard_normal((2, problem.noises, PATH_PAIRS))
         halves = np.concatenate([halves, -halves], axis=2)
         y = step(problem, y, h, halves.sum(axis=0), halves[0])
     changes = np.stack(
         [np.sum(y * y, axis=0) - origin @ origin, problem.hamiltonian(y) - problem.hamiltonian(origin)]
     )
-    means = changes.reshape(2, 2, PAIRS).mean(axis=1) / T
-    return means.mean(axis=1), means.std(axis=1) / np.sqrt(PAIRS)
+    means = changes.reshape(2, 2, PATH_PAIRS).mean(axis=1) / ADDITIVE_T
+    return means.mean(axis=1), means.std(axis=1) / np.sqrt(PATH_PAIRS)
 
 
 def table() -> str:
@@ -73,10 +73,10 @@ def table() -> str:
     problem = problems.pushed_rigid_body()
     names = [f"{of}, h = {h}" for of in ("E\\|y\\|²", "E[H]") for h in ("½", "1/16")]
     rows: list[Sequence[str]] = [
-        ["exact", *(f"{v:.3f}" for v in np.repeat(exact_rates(problem), len(STEPS)))]
+        ["exact", *(f"{v:.3f}" for v in np.repeat(exact_rates(problem), len(ADDITIVE_STEPS)))]
     ]
-    for name, step in SCHEMES.items():
-        found = [rates(step, problem, n) for n in STEPS]
+    for name, step in ADDITIVE_SCHEMES.items():
+        found = [rates(step, problem, n) for n in ADDITIVE_STEPS]
         rows.append([name, *(f"{mean[k]:.3f} ± {error[k]:.3f}" for k in (0, 1) for mean, error in found)])
     return markdown(["scheme", *names], rows)
 

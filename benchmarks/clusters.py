@@ -25,7 +25,7 @@ from benchmarks import over, start, tell
 from sepv import problems, schemes
 from sepv.workers import run_all
 
-EP, PENDULUM = schemes.energy_preserving, problems.pendulum()
+PENDULUM = problems.pendulum()
 
 
 def position(ends: Any) -> Any:
@@ -50,7 +50,7 @@ def memory(paths: int, steps: int, workers: int) -> None:
 
     def one(count: int) -> sepv.Ensemble:
         return sepv.ensemble(
-            EP,
+            schemes.energy_preserving,
             PENDULUM,
             h=1 / steps,
             steps=steps,
@@ -83,7 +83,9 @@ def overhead(paths: int, steps: int, rounds: int) -> None:
     from distributed import Client, LocalCluster
 
     def run(workers: Any) -> None:
-        sepv.ensemble(EP, PENDULUM, h=1 / steps, steps=steps, paths=paths, workers=workers)
+        sepv.ensemble(
+            schemes.energy_preserving, PENDULUM, h=1 / steps, steps=steps, paths=paths, workers=workers
+        )
 
     with (
         LocalCluster(
@@ -173,9 +175,9 @@ def throughput() -> None:
     """
     for problem in over((problems.rigid_body(), PENDULUM, problems.lotka_volterra()), lambda p: p.name):
         h, steps, paths = 2.0**-10, 1000, 16384
-        sepv.ensemble(EP, problem, h=h, steps=steps, paths=1024)
+        sepv.ensemble(schemes.energy_preserving, problem, h=h, steps=steps, paths=1024)
         begin = time.process_time()
-        ends = sepv.ensemble(EP, problem, h=h, steps=steps, paths=paths)
+        ends = sepv.ensemble(schemes.energy_preserving, problem, h=h, steps=steps, paths=paths)
         spent = time.process_time() - begin
         size = sum(getattr(ends, key).nbytes for key in ("y", "W", "status", "failed_step", "energy_defect"))
         size += ends.casimir_defect.nbytes

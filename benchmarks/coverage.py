@@ -54,7 +54,7 @@ ALPHAS = (0.05, 0.01, 0.001)
 # The alphas of --deep, and the number of batches that it draws at once.
 DEEP, AT_ONCE = (1e-2, 1e-3, 1e-4, 1e-5), 40
 # Heavy tails first: explicit schemes, with and without truncation.
-SCHEMES = {
+COVERED_SCHEMES = {
     "milstein": schemes.milstein,
     "milstein, untruncated": replace(schemes.milstein, truncation=None),
     "euler-maruyama": schemes.euler_maruyama,
@@ -67,7 +67,7 @@ SCHEMES = {
 
 
 @dataclass(frozen=True)
-class Row:
+class CoverageRow:
     """The coverage of one interval: the fractions of batches in which it misses the value,
     for each alpha of ALPHAS.
 
@@ -114,7 +114,7 @@ def split(errors: StrongErrors) -> list[StrongErrors]:
     ]
 
 
-def rows(scheme: Scheme, problem: Problem, errors: StrongErrors) -> Iterator[Row]:
+def rows(scheme: Scheme, problem: Problem, errors: StrongErrors) -> Iterator[CoverageRow]:
     """The rows of the table: one for every interval of every law."""
     batches, tilted = split(errors), is_tilted(scheme)
     moments, limits = moment_errors(errors), limit_errors(errors, problem)[1]
@@ -131,7 +131,7 @@ def rows(scheme: Scheme, problem: Problem, errors: StrongErrors) -> Iterator[Row
         found = [decay(part, errors.h, alpha) for part in _pieces(moments)]
         below.append(float(np.mean([high < truth for _, _, high in found])))
         above.append(float(np.mean([low > truth for _, low, _ in found])))
-    yield Row("fall of the means", tuple(below), tuple(above))
+    yield CoverageRow("fall of the means", tuple(below), tuple(above))
     laws: tuple[tuple[str, Assess], ...] = (
         (
             "verdict of mean-square-order",
@@ -145,28 +145,28 @@ def rows(scheme: Scheme, problem: Problem, errors: StrongErrors) -> Iterator[Row
             float(np.mean([assess(problem, e, alpha, 1.0).verdict is Verdict.VIOLATED for e in batches]))
             for alpha in ALPHAS
         ]
-        yield Row(name, tuple(shares), ())
+        yield CoverageRow(name, tuple(shares), ())
 
 
 def _misses(
     name: str, batches: list[StrongErrors], estimate: Callable[[StrongErrors, float], object], truth: float
-) -> Row:
+) -> CoverageRow:
     below, above = [], []
     for alpha in ALPHAS:
         found = [estimate(e, alpha) for e in batches]
         below.append(float(np.mean([f.high < truth for f in found])))  # type: ignore[attr-defined]
         above.append(float(np.mean([f.low > truth for f in found])))  # type: ignore[attr-defined]
-    return Row(name, tuple(below), tuple(above))
+    return CoverageRow(name, tuple(below), tuple(above))
 
 
-def _coefficients(name: str, samples: Array, h: Array, power: int) -> Row:
+def _coefficients(name: str, samples: Array, h: Array, power: int) -> CoverageRow:
     truth = leading(samples, h, power).value
     found = [leading(part, h, power) for part in _pieces(samples)]
     below, above = [], []
     for alpha in ALPHAS:
         below.append(float(np.mean([np.any(c.value + c.half(alpha) < truth) for c in found])))
         above.append(float(np.mean([np.any(c.value - c.half(alpha) > truth) for c in found])))
-    return Row(name, tuple(below), tuple(above))
+    return CoverageRow(name, tuple(below), tuple(above))
 
 
 def _pieces(samples: Array) -> list[Array]:
@@ -199,27 +199,29 @@ def main() -> None:
         __doc__,
         batches=1000,
         seed=0,
-        scheme={"action": "append", "choices": list(SCHEMES)},
+        scheme={"action": "append", "choices": list(COVERED_SCHEMES)},
         problem={"action": "append", "choices": ["rigid-body", "pendulum"]},
         deep={"action": "store_true", "help": "the shares of right-limit at 1e-2 to 1e-5"},
     )
     if options.deep:
-        for name in options.scheme or SCHEMES:
+        for name in options.scheme or COVERED_SCHEMES:
             for known in options.problem or ("rigid-body", "pendulum"):
-                counts = deep(SCHEMES[name], problems.by_name(known), options.batches, options.seed)
+                counts = deep(COVERED_SCHEMES[name], problems.by_name(known), options.batches, options.seed)
                 said = ", ".join(f"{n} at {a:g}" for n, a in zip(counts, DEEP, strict=True))
                 print(f"{name}, {known}: of {options.batches} batches miss {said}", flush=True)
         return
     heads = " | ".join(f"{side} at {100 * a:g} %" for a in ALPHAS for side in ("below", "above"))
     print(f"| scheme | problem | interval | {heads} |\n|---|---|---|{'--:|' * 2 * len(ALPHAS)}")
-    for name in over(options.scheme or SCHEMES):
+    for name in over(options.scheme or COVERED_SCHEMES):
         for problem in over(
             map(problems.by_name, options.problem or ("rigid-body", "pendulum")), lambda p: p.name
         ):
-            errors = drawn(SCHEMES[name], problem, options.batches, options.seed)
+            errors = drawn(COVERED_SCHEMES[name], problem, options.batches, options.seed)
             if any(errors.failures):
                 raise SystemExit(f"{name}, {problem.name}: {errors.failures} paths failed")
-            for row in rows(SCHEMES[name], problem, first_paths(errors, options.batches * FIRST_LOOK)):
+            for row in rows(
+                COVERED_SCHEMES[name], problem, first_paths(errors, options.batches * FIRST_LOOK)
+            ):
                 cells = [
                     f"{100 * side[n]:.1f} %" if side else ""
                     for n in range(len(ALPHAS))

@@ -7,8 +7,8 @@ the sum of all g − E g is a martingale. If Nm < R, Kolmogorov's inequality the
 
     P(a path leaves D within N steps) ≤ Nv/(R − Nm)².
 
-m and v are maxima over STATES states of D, by quadrature over the increments of Remark 2.1 with
-k = 2. A step that is not solved counts as an exit. The bound does not cover such exits.
+m and v are maxima over EXIT_STATES states of D, by quadrature over the increments of Remark 2.1
+with k = 2. A step that is not solved counts as an exit. The bound does not cover such exits.
 
 ``--count 1e7`` also counts exits of that many paths in an ensemble, where F is H. On a card
 (``--engine cuda``) it may be 1e9.
@@ -30,9 +30,9 @@ from sepv.core.newton import Status
 from sepv.problem import Array, Problem
 from sepv.simulate import advance, truncate, wiener
 
-LEVELS, PLACES, NODES = 9, 32, 32
-STATES = LEVELS * PLACES
-TIME = 1.0
+RADIAL_LEVELS, PLACES, EXIT_NODES = 9, 32, 32
+EXIT_STATES = RADIAL_LEVELS * PLACES
+EXIT_TIME = 1.0
 
 
 class Compact(NamedTuple):
@@ -48,9 +48,9 @@ class Compact(NamedTuple):
     turn: float
 
     def states(self) -> Array:
-        """States (d, STATES) spread over the set D: PLACES on each of LEVELS orbits."""
+        """States (d, EXIT_STATES) spread over the set D: PLACES on each of RADIAL_LEVELS orbits."""
         times = np.linspace(0.0, self.turn, PLACES)
-        levels = np.linspace(-1, 1, LEVELS) * self.R
+        levels = np.linspace(-1, 1, RADIAL_LEVELS) * self.R
         return np.concatenate(
             [exact_flow(self.problem, times, self.at_level(float(r))).y for r in levels], axis=1
         )
@@ -94,32 +94,32 @@ def lotka_volterra() -> Compact:
     return Compact(problem, nambu.casimir, 0.1, at_level, 6.0)
 
 
-SETS: dict[str, tuple[Callable[[], Compact], tuple[str, ...]]] = {
+COMPACT_SETS: dict[str, tuple[Callable[[], Compact], tuple[str, ...]]] = {
     "pendulum": (pendulum, ("energy-preserving", "midpoint", "euler-heun", "milstein", "euler-maruyama")),
     "lotka-volterra": (lotka_volterra, ("both-invariants", "energy-preserving")),
 }
-STEPS = {"pendulum": (16, 256), "lotka-volterra": (512, 2048)}
+EXIT_STEPS = {"pendulum": (16, 256), "lotka-volterra": (512, 2048)}
 
 
 def moments(D: Compact, scheme: str, h: float) -> tuple[float, float]:
     """The largest m and v of the module's docstring over the states of D, for one step of a
     scheme.
     """
-    x, weights = np.polynomial.hermite_e.hermegauss(NODES)
+    x, weights = np.polynomial.hermite_e.hermegauss(EXIT_NODES)
     weights = weights / weights.sum()
     # All noises act through their sum, whose size is |c|.
     c = D.problem.c
     noise = truncate(np.sqrt(h) * x, h, 2)[None] * (c / float(c @ c) ** 0.5)[:, None]
     states = D.states()
-    y = np.repeat(states, NODES, axis=1)
+    y = np.repeat(states, EXIT_NODES, axis=1)
     y1 = schemes.by_name(scheme).step(D.problem, y, h, np.tile(noise, states.shape[1]))
-    g = (D.F(y1) - D.F(y)).reshape(-1, NODES)
+    g = (D.F(y1) - D.F(y)).reshape(-1, EXIT_NODES)
     return float(np.abs(g @ weights).max()), float((g**2 @ weights).max())
 
 
 def bound(D: Compact, scheme: str, steps: int) -> float:
     """The bound Nv/(R − Nm)², at most 1, of the probability that a path leaves D within N steps."""
-    m, v = moments(D, scheme, TIME / steps)
+    m, v = moments(D, scheme, EXIT_TIME / steps)
     left = D.R - steps * m
     return min(1.0, steps * v / left**2) if left > 0 else 1.0
 
@@ -144,8 +144,8 @@ class Measured(NamedTuple):
 
 def measured(D: Compact, scheme: str, steps: int, paths: int, seed: int = 0) -> Measured:
     """Run paths to T, and compare them with exact paths of the same truncated increments."""
-    h, c, asked = TIME / steps, D.problem.c, schemes.by_name(scheme)
-    raw = wiener.increments(seed, T=TIME, steps=steps, noises=c.size, paths=range(paths))
+    h, c, asked = EXIT_TIME / steps, D.problem.c, schemes.by_name(scheme)
+    raw = wiener.increments(seed, T=EXIT_TIME, steps=steps, noises=c.size, paths=range(paths))
     dW = truncate(raw, h, 2)
     start_at = np.asarray(D.problem.initial, dtype=np.float64)
     y = np.repeat(start_at[:, None], paths, axis=1)
@@ -154,7 +154,7 @@ def measured(D: Compact, scheme: str, steps: int, paths: int, seed: int = 0) -> 
         stay = np.flatnonzero(~left)
         y[:, stay], status, *_ = advance(asked, D.problem, y[:, stay], h, increments[:, stay])
         left[stay] = (status != Status.CONVERGED) | ~(np.abs(D.F(y[:, stay]) - F0) < D.R)
-    exact = exact_flow(D.problem, TIME + c @ dW.sum(axis=0), start_at).y
+    exact = exact_flow(D.problem, EXIT_TIME + c @ dW.sum(axis=0), start_at).y
     errors = np.sum((y - exact)[:, ~left] ** 2, axis=0)
     return Measured(int(left.sum()), paths, float(np.sqrt(errors.sum() / paths)))
 
@@ -164,7 +164,7 @@ def counted(D: Compact, scheme: str, steps: int, paths: int, engine: str, seed: 
     below R.
     """
     ends = ensemble(
-        scheme, D.problem, h=TIME / steps, steps=steps, paths=paths, truncation=2, seed=seed, engine=engine,
+        scheme, D.problem, h=EXIT_TIME / steps, steps=steps, paths=paths, truncation=2, seed=seed, engine=engine,
         reduce={"left": lambda ends: 1.0 - (ends.energy_defect < D.R)},
     )  # fmt: skip
     found = ends.reduced["left"]
@@ -185,8 +185,8 @@ def probability(D: Compact, scheme: str, steps: int, paths: int, engine: str) ->
 def rows(paths: int, count: int = 0, engine: str = "auto") -> list[list[str]]:
     """A row for each problem and scheme; its cells have a value for each number of steps."""
     found: dict[tuple[str, str], list[tuple[str, ...]]] = {}
-    cases = [(name, s, n) for name, (_, own) in SETS.items() for s in own for n in STEPS[name]]
-    sets = {name: make() for name, (make, _) in SETS.items()}
+    cases = [(name, s, n) for name, (_, own) in COMPACT_SETS.items() for s in own for n in EXIT_STEPS[name]]
+    sets = {name: make() for name, (make, _) in COMPACT_SETS.items()}
     for name, scheme, steps in over(cases, lambda case: " ".join(map(str, case))):
         D = sets[name]
         seen = measured(D, scheme, steps, paths)

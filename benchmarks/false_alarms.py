@@ -25,16 +25,16 @@ from typing import Any
 from scipy.stats import beta
 
 from benchmarks import start, tell
-from benchmarks.right_schemes import RIGHT
+from benchmarks.right_schemes import RIGHT_SCHEMES
 from sepv import schemes
 from sepv.law import Effort, Verdict
 from sepv.schemes import Scheme
 from sepv.verification import load_laws, verify
 from sepv.workers import run_all
 
-GROUPS: dict[str, dict[str, Scheme]] = {
+SCHEME_GROUPS: dict[str, dict[str, Scheme]] = {
     "built-in": {**schemes.PAPER, **schemes.EXTENSIONS, "collocation-2": schemes.collocation(2)},
-    "unusual": RIGHT,
+    "unusual": RIGHT_SCHEMES,
 }
 
 
@@ -45,10 +45,10 @@ def main() -> None:
     parser.add_argument("--log", type=Path, default=Path("false_alarms.jsonl"))
     parser.add_argument("-j", "--workers", default="1", help="processes, or a Dask scheduler's address")
     parser.add_argument("--start", type=int, default=0, help="first seed of an empty file")
-    parser.add_argument("--only", choices=list(GROUPS), help="schemes of one group")
+    parser.add_argument("--only", choices=list(SCHEME_GROUPS), help="schemes of one group")
     options = parser.parse_args()
     done = [json.loads(line) for line in options.log.read_text().splitlines()] if options.log.exists() else []
-    listed = [(g, n) for g in GROUPS if options.only in (None, g) for n in GROUPS[g]]
+    listed = [(g, n) for g in SCHEME_GROUPS if options.only in (None, g) for n in SCHEME_GROUPS[g]]
     first = done[-1]["seed"] + 1 if done else options.start
     early: dict[int, dict[str, Any]] = {}
     taken = 0
@@ -83,7 +83,7 @@ def one(what: tuple[str, str, int]) -> dict[str, Any]:
     inconclusive verdicts and time.
     """
     group, name, seed = what
-    start, scheme = time.process_time(), GROUPS[group][name]
+    start, scheme = time.process_time(), SCHEME_GROUPS[group][name]
     always = {law.name for law in load_laws() if law.always_claimed}
     report = verify(
         scheme, laws=frozenset(scheme.claims) | always, effort=Effort(seed=seed, shrink_checks=50)

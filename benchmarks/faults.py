@@ -31,18 +31,18 @@ from sepv.console import markdown
 
 # Seconds after which a command counts as hung; of a law's --timeout; until the processes of a
 # command have ended.
-LIMIT, TIMEOUT, SOON = 240.0, 8, 5.0
+HANG_SECONDS, LAW_TIMEOUT, ENDED_SECONDS = 240.0, 8, 5.0
 # The most characters that a command may print: a page, but no name of megabytes.
-MOST = 30_000
+PRINTED_MAX_CHARACTERS = 30_000
 SEPV = f"{shlex.quote(sys.executable)} -m sepv"
 PYTHON = f"{shlex.quote(sys.executable)} -P"
 MARK = "SEPV_FAULT"
-STEPS = Path(__file__).with_name("hostile_steps.py").read_text(encoding="utf-8")
+HOSTILE_STEPS = Path(__file__).with_name("hostile_steps.py").read_text(encoding="utf-8")
 VERIFY = f"exec {SEPV} verify energy-preserving --law identity,casimir,truncation -q"
 
 
 @dataclass(frozen=True)
-class Fault:
+class FaultyCommand:
     """A command that meets a fault: a line of bash, and what is expected of it."""
 
     kind: str
@@ -60,7 +60,7 @@ class Fault:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Survival:
     """What came of a fault: why it is not survived, or nothing; and the seconds until its end."""
 
     why: str
@@ -69,18 +69,19 @@ class Outcome:
 
 def law(
     kind: str, step: str, words: str, jobs: int = 1, *, hangs: bool = False, measured: str = "energy"
-) -> Fault:
+) -> FaultyCommand:
     """A step that misbehaves in one law: this law is an error, in these words,
     and truncation is measured.
     """
-    line = f"exec {SEPV} verify mine:{step} --law {measured},truncation --timeout {TIMEOUT if hangs else 60} -j {jobs}"
-    return Fault(
+    timeout = LAW_TIMEOUT if hangs else 60
+    line = f"exec {SEPV} verify mine:{step} --law {measured},truncation --timeout {timeout} -j {jobs}"
+    return FaultyCommand(
         kind, f"{line} --json r.json --shrink-checks 3", (3,), words, hangs=hangs,
         verdicts={measured: "error", "truncation": "holds"},
     )  # fmt: skip
 
 
-PROGRAM = f"""#!{sys.executable}
+PROGRAM_SOURCE = f"""#!{sys.executable}
 import json, os, signal, sys, time
 for line in sys.stdin:
     m = json.loads(line)
@@ -126,10 +127,10 @@ OFF_MAIN_LINE += "until grep -q 'kill -9' out; do sleep 0.2; done; kill -9 $!; w
 
 def program(act: str = "pass", stop: str = "break") -> str:
     """A program that keeps the protocol, but does something else at each message, or at its end."""
-    return PROGRAM.replace("ACT", act).replace("STOP", stop)
+    return PROGRAM_SOURCE.replace("ACT", act).replace("STOP", stop)
 
 
-def signals() -> list[Fault]:
+def signals() -> list[FaultyCommand]:
     """Signals from outside, at moments of a run, or while a step hangs."""
     lines = (VERIFY, f"{VERIFY} -j 2", f"exec {SEPV} compare midpoint euler-heun --paths 64 --repeats 1 -q")
     spins = f"exec {SEPV} verify mine:spins --law energy,truncation -q -j"
@@ -138,19 +139,20 @@ def signals() -> list[Fault]:
     }
     both = f"exec {SEPV} verify --exec ./one --agrees-with exec:./two --law agreement -q"
     return [
-        Fault("kill -9 of a store", f"exec {PYTHON} store.py", (-9,), files={"store.py": STORE}, times=5,
+        FaultyCommand("kill -9 of a store", f"exec {PYTHON} store.py", (-9,), files={"store.py": STORE}, times=5,
               signal=signal.SIGKILL, then=f"{PYTHON} store.py whole"),
-        *(Fault("kill -9", line, (-9,), signal=signal.SIGKILL, times=4) for line in lines),
-        *(Fault("kill -9", f"{spins} {jobs}", (-9,), signal=signal.SIGKILL, at="begun") for jobs in (1, 2)),
-        *(Fault("Ctrl-C", line, (130,), signal=signal.SIGINT, times=7) for line in lines),
-        Fault("Ctrl-C", f"exec {SEPV} verify mine:eats --law identity -q", (130,), signal=signal.SIGINT, at="begun",
+        *(FaultyCommand("kill -9", line, (-9,), signal=signal.SIGKILL, times=4) for line in lines),
+        *(FaultyCommand("kill -9", f"{spins} {jobs}", (-9,), signal=signal.SIGKILL, at="begun") for jobs in (1, 2)),
+        *(FaultyCommand("Ctrl-C", line, (130,), signal=signal.SIGINT, times=7) for line in lines),
+        FaultyCommand("Ctrl-C", f"exec {SEPV} verify mine:eats --law identity -q", (130,),
+            signal=signal.SIGINT, at="begun",
               hangs=True),
-        *(Fault("SIGTERM", line, (-15,), signal=signal.SIGTERM, times=3) for line in lines),
-        Fault("SIGTERM", both, (-15,), files=two, signal=signal.SIGTERM, at="begun"),
+        *(FaultyCommand("SIGTERM", line, (-15,), signal=signal.SIGTERM, times=3) for line in lines),
+        FaultyCommand("SIGTERM", both, (-15,), files=two, signal=signal.SIGTERM, at="begun"),
     ]  # fmt: skip
 
 
-def hangs() -> list[Fault]:
+def hangs() -> list[FaultyCommand]:
     """Steps that do not return, and programs that do not end."""
     endless = {
         "spins": "endless loop in C", "spins_compiled": "endless loop of numba", "is_deaf": "SIGALRM ignored",
@@ -158,16 +160,16 @@ def hangs() -> list[Fault]:
     }  # fmt: skip
     ends = (("time.sleep(300)", "no end within 2 s"), ("sys.exit(5)", "exit code 5"))
     return [
-        *(law(kind, step, f"no end within {TIMEOUT} s", jobs, hangs=True)
+        *(law(kind, step, f"no end within {LAW_TIMEOUT} s", jobs, hangs=True)
           for step, kind in endless.items() for jobs in (1, 2)),
-        *(Fault("sepv.verify in a thread", OFF_MAIN_LINE % step, (-9, 137), "`sepv verify`, or jobs=2",
+        *(FaultyCommand("sepv.verify in a thread", OFF_MAIN_LINE % step, (-9, 137), "`sepv verify`, or jobs=2",
                 {"off.py": OFF_MAIN}, hangs=True) for step in ("swallows", "spins")),
-        *(Fault("rule 7 of the protocol", f"exec {SEPV} verify --exec ./stays --law identity -q", (0,),
+        *(FaultyCommand("rule 7 of the protocol", f"exec {SEPV} verify --exec ./stays --law identity -q", (0,),
                 f"broke rule 7 .*{how}", {"stays": program(stop=stop)}) for stop, how in ends),
     ]  # fmt: skip
 
 
-def crashes() -> list[Fault]:
+def crashes() -> list[FaultyCommand]:
     """Steps that end or copy their process, and what they raise, return, remove and leave
     behind.
     """
@@ -181,34 +183,38 @@ def crashes() -> list[Fault]:
         law("repr or str that raises", "raises_untold", untold, measured="casimir"),
         law("repr or str that raises", "returns_untold", untold, measured="casimir"),
         law("name removed from NumPy", "removes", r"changed\s+numpy.isfinite", measured="casimir"),
-        Fault("leftover thread and process", f"exec {SEPV} verify mine:leaves_helpers --law energy -q", (0,),
+        FaultyCommand("leftover thread and process", f"exec {SEPV} verify mine:leaves_helpers --law energy -q", (0,),
               "1 law: 1 violated", hangs=True, helpers=True),
-        Fault("program that kills sepv", f"exec {SEPV} verify --exec ./kills --law identity -q", (3,),
+        FaultyCommand("program that kills sepv", f"exec {SEPV} verify --exec ./kills --law identity -q", (3,),
               "SIGKILL", kills),
     ]  # fmt: skip
 
 
-def files() -> list[Fault]:
+def files() -> list[FaultyCommand]:
     """Files that never end, that are damaged, or that Python would import."""
     own = {f"{name}.py": "open('ran', 'a').write(__name__)" for name in ("queue", "random", "secrets")}
     rest = "-q -j 2 --law identity,truncation"
     main_of = "-c 'from sepv.commands import main; main()'"
     names = ('"name": "%s"', '"name": "pendulum", "parameters": {"%s": [1]}', '"%s": 1', '"dimension": "%s"')
     return [
-        *(Fault("-p a FIFO or /dev/zero", f"{made} p.json; exec {SEPV} {command} -p p.json", (2,), "a pipe, a socket")
+        *(FaultyCommand("-p a FIFO or /dev/zero", f"{made} p.json; exec {SEPV} {command} -p p.json", (2,),
+            "a pipe, a socket")
           for made in ("mkfifo", "ln -s /dev/zero") for command in ("verify midpoint --law identity", "run midpoint")),
-        *(Fault("damaged description of a store", f"{PYTHON} store.py && {harmed(*harm)} && exec {PYTHON} store.py",
+        *(FaultyCommand("damaged description of a store",
+            f"{PYTHON} store.py && {harmed(*harm)} && exec {PYTHON} store.py",
                 (1,), "refused: Expected", {"store.py": SMALL_STORE}) for harm in HARMS),
-        *(Fault("queue.py, random.py in the folder", f"exec {SEPV} verify {target} {rest}", (0,), "2 laws: 2 hold",
-                own, then="test ! -e ran") for target in TARGETS),
-        *(Fault("sepv.py in the folder", f"exec {PYTHON} {main_of} verify {target} {rest}", (0,), "2 laws: 2 hold",
-                own | {"sepv.py": own["queue.py"]}, then="test ! -e ran") for target in TARGETS),
-        *(Fault("name of 60 MB", f"{made_of('{' + where + '}')} && exec {SEPV} run midpoint -p p.json", (2,),
+        *(FaultyCommand("queue.py, random.py in the folder", f"exec {SEPV} verify {target} {rest}", (0,),
+            "2 laws: 2 hold",
+                own, then="test ! -e ran") for target in FAULTY_TARGETS),
+        *(FaultyCommand("sepv.py in the folder", f"exec {PYTHON} {main_of} verify {target} {rest}", (0,),
+            "2 laws: 2 hold",
+                own | {"sepv.py": own["queue.py"]}, then="test ! -e ran") for target in FAULTY_TARGETS),
+        *(FaultyCommand("name of 60 MB", f"{made_of('{' + where + '}')} && exec {SEPV} run midpoint -p p.json", (2,),
                 "Received p.json") for where in names),
     ]  # fmt: skip
 
 
-TARGETS = ("energy-preserving", "mine:midpoint")
+FAULTY_TARGETS = ("energy-preserving", "mine:midpoint")
 
 
 def harmed(file: str, harm: str) -> str:
@@ -223,36 +229,37 @@ def made_of(text: str) -> str:
     return f"{PYTHON} -c {shlex.quote(code)}"
 
 
-def systems() -> list[Fault]:
+def systems() -> list[FaultyCommand]:
     """Streams, encodings and limits of the system; numbers and addresses that are none."""
     verify, windows = f"{SEPV} verify midpoint --law identity", "PYTHONIOENCODING=cp1252 exec"
     report = shlex.quote("import sepv; print(sepv.verify('midpoint', laws='energy'))")
     terms = '"hamiltonian": [[[2, 0], 0.5]], "structure": [[0, 1, [[[0, 0], -1.0]]]]'
     infinite = {"p.json": f'{{"dimension": 2, {terms}, "initial": [1e200, 1]}}'}
     return [
-        *(Fault("closed or full output", f"exec {verify} {redirected}", (70,))
+        *(FaultyCommand("closed or full output", f"exec {verify} {redirected}", (70,))
           for redirected in (">&-", "2>&-", ">/dev/full", ">&- 2>&-")),
-        Fault("closed or full output", f"{verify} | true; exit ${{PIPESTATUS[0]}}", (0, 141)),
-        *(Fault("few descriptors", f"ulimit -n {count}; exec {verify}", (70,) if count < 7 else (0, 70))
+        FaultyCommand("closed or full output", f"{verify} | true; exit ${{PIPESTATUS[0]}}", (0, 141)),
+        *(FaultyCommand("few descriptors", f"ulimit -n {count}; exec {verify}", (70,) if count < 7 else (0, 70))
           for count in (5, 6, 7, 8, 10, 16)),
-        *(Fault("little memory", f"ulimit -v {size}000; exec {verify}", (70,) if size <= 150 else (0, 70))
+        *(FaultyCommand("little memory", f"ulimit -v {size}000; exec {verify}", (70,) if size <= 150 else (0, 70))
           for size in (60, 100, 150, 300, 500)),
-        *(Fault("cp1252", f"{windows} {SEPV} {words}", (0,))
+        *(FaultyCommand("cp1252", f"{windows} {SEPV} {words}", (0,))
           for words in ("--help", "verify midpoint --law energy", "list")),
-        Fault("cp1252", f"{windows} {PYTHON} -c {report}", (0,), "energy"),
-        Fault("FORCE_COLOR into a file", f"FORCE_COLOR=1 {verify} > shown 2>&1", (0,),
+        FaultyCommand("cp1252", f"{windows} {PYTHON} -c {report}", (0,), "energy"),
+        FaultyCommand("FORCE_COLOR into a file", f"FORCE_COLOR=1 {verify} > shown 2>&1", (0,),
               then=r"! grep -qP '\r|\x1b\[[0-9;?]*[^0-9;m]' shown"),
-        Fault("H(y0) = inf", f"exec {SEPV} run midpoint --steps 4 -p p.json", (2,), r"H\(y0\) = inf", infinite),
-        Fault("tls:// without certificates", f"exec {SEPV} reproduce 4.4 --quick --workers tls://127.0.0.1:1", (2,),
+        FaultyCommand("H(y0) = inf", f"exec {SEPV} run midpoint --steps 4 -p p.json", (2,), r"H\(y0\) = inf", infinite),
+        FaultyCommand("tls:// without certificates",
+            f"exec {SEPV} reproduce 4.4 --quick --workers tls://127.0.0.1:1", (2,),
               "Expected certificates"),
     ]  # fmt: skip
 
 
-def met(fault: Fault, folder: Path, moment: float = 0.0) -> Outcome:
+def met(fault: FaultyCommand, folder: Path, moment: float = 0.0) -> Survival:
     """Run a fault's command in a folder, with its signal after so many seconds,
     and say what came of it.
     """
-    for name, text in {"mine.py": STEPS, **fault.files}.items():
+    for name, text in {"mine.py": HOSTILE_STEPS, **fault.files}.items():
         (folder / name).write_text(text, encoding="utf-8")
         (folder / name).chmod(0o755)
     mark, out = uuid4().hex, folder / "out"
@@ -268,12 +275,12 @@ def met(fault: Fault, folder: Path, moment: float = 0.0) -> Outcome:
                 begun = time.monotonic()
                 with suppress(ProcessLookupError):
                     os.killpg(child.pid, fault.signal)
-            code: int | None = child.wait(LIMIT)
+            code: int | None = child.wait(HANG_SECONDS)
         except subprocess.TimeoutExpired:
             code = None
         seconds = time.monotonic() - begun
     try:
-        left = remaining(mark, SOON) if not fault.helpers else []
+        left = remaining(mark, ENDED_SECONDS) if not fault.helpers else []
     finally:
         for pid in (child.pid, *remaining(mark, 0.0)):
             with suppress(ProcessLookupError):
@@ -291,7 +298,7 @@ def met(fault: Fault, folder: Path, moment: float = 0.0) -> Outcome:
         if re.search(fault.words, shown, re.DOTALL) or (0 in codes and fault.signal)
         else f"no words {fault.words!r}",
         "traceback" if "Traceback" in shown else "",
-        f"{len(shown)} characters" if len(shown) > MOST else "",
+        f"{len(shown)} characters" if len(shown) > PRINTED_MAX_CHARACTERS else "",
         *judged(fault, folder),
     ]
     if fault.then:
@@ -300,10 +307,10 @@ def met(fault: Fault, folder: Path, moment: float = 0.0) -> Outcome:
         )
         why.append(f"then: {after.returncode} {after.stderr[-300:]}" if after.returncode else "")
     said = "; ".join(filter(None, why))
-    return Outcome(f"{said}\n{shown[-600:]}" if said else "", seconds)
+    return Survival(f"{said}\n{shown[-600:]}" if said else "", seconds)
 
 
-def judged(fault: Fault, folder: Path) -> Iterator[str]:
+def judged(fault: FaultyCommand, folder: Path) -> Iterator[str]:
     """What is wrong in the verdicts of the report r.json."""
     if fault.verdicts:
         file = folder / "r.json"
@@ -315,7 +322,7 @@ def judged(fault: Fault, folder: Path) -> Iterator[str]:
 
 def wait_for(file: Path | None, seconds: float) -> None:
     """Wait for so many seconds, or for a file."""
-    end = time.monotonic() + (LIMIT if file else seconds)
+    end = time.monotonic() + (HANG_SECONDS if file else seconds)
     while time.monotonic() < end and not (file and file.exists()):
         time.sleep(0.01)
 
@@ -351,7 +358,7 @@ def marked(pid: int, mark: str) -> bool:
         return False
 
 
-def trials(fault: Fault) -> list[Outcome]:
+def trials(fault: FaultyCommand) -> list[Survival]:
     """The outcomes of all trials of a fault. Signals come at moments spread over the run,
     whose length is measured.
     """
@@ -376,7 +383,7 @@ def main() -> None:
         for fault in (*signals(), *hangs(), *crashes(), *files(), *systems())
         if fault.kind.startswith(options.only)
     ]
-    kinds: dict[str, list[tuple[Fault, Outcome]]] = {fault.kind: [] for fault in chosen}
+    kinds: dict[str, list[tuple[FaultyCommand, Survival]]] = {fault.kind: [] for fault in chosen}
     # A shell lets what it starts in the background ignore Ctrl-C, and so would the commands.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     with ThreadPoolExecutor(2) as pool:

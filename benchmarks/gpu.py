@@ -31,11 +31,11 @@ from sepv.posing import field_in
 from sepv.simulate import Task, run_arguments, run_task
 from sepv.simulate.targets.cuda import chunk, devices
 
-SYSTEMS = ("rigid-body", "pendulum", "lotka-volterra")
-H, STEPS, REPEATS = 0.01, 100, 3
+GPU_PROBLEMS = ("rigid-body", "pendulum", "lotka-volterra")
+GPU_H, GPU_STEPS, REPEATS = 0.01, 100, 3
 # Paths of a timed chunk, of the comparison with NumPy, and of the reduced run.
-PATHS, COMPARED, REDUCED = 2**20, 500, 2**30
-# The largest relative difference from NumPy that counts as agreement after STEPS steps, in
+TIMED_PATHS, COMPARED_PATHS, REDUCED_PATHS = 2**20, 500, 2**30
+# The largest relative difference from NumPy that counts as agreement after GPU_STEPS steps, in
 # roundings of a step.
 ULPS = 64
 
@@ -43,10 +43,10 @@ ULPS = 64
 def task(scheme: str, problem: str, paths: int) -> Task:
     """The chunk of all `paths` paths of an ensemble."""
     method, system, start, steps, k = run_arguments(
-        schemes.by_name(scheme), problem, H, None, STEPS, None, "own", None
+        schemes.by_name(scheme), problem, GPU_H, None, GPU_STEPS, None, "own", None
     )
     return Task(
-        scheme=method, problem=system, y0=start, h=H, steps=steps, first=0, count=paths, seed=1, refine=None,
+        scheme=method, problem=system, y0=start, h=GPU_H, steps=steps, first=0, count=paths, seed=1, refine=None,
         truncation=k, stops=(), compensated=False, engine="cuda",
     )  # fmt: skip
 
@@ -87,18 +87,18 @@ def timed(whole: Task, problem: sepv.Problem) -> dict[str, float]:
             return launched
 
         begun = time.perf_counter()
-        run = chunk.Chunk(whole, problem, device)
+        run = chunk.CudaChunk(whole, problem, device)
         if measured:
             run.launch = launcher(run.launch)
             run.increments.launch = launcher(run.increments.launch)
-        run.advance(STEPS)
+        run.advance(GPU_STEPS)
         cupy.cuda.Device().synchronize()
         if not measured:
             own["whole"] = time.perf_counter() - begun
         del run
         for name, seconds in own.items():
             best[name] = min(best.get(name, np.inf), seconds)
-    return {name: round(seconds / whole.count / STEPS * 1e9, 5) for name, seconds in best.items()}
+    return {name: round(seconds / whole.count / GPU_STEPS * 1e9, 5) for name, seconds in best.items()}
 
 
 COMPILE = f"""
@@ -110,7 +110,7 @@ card = devices.card()
 card.xp.zeros(1)
 begun = time.perf_counter()
 card.compiled(text.draw_text(1), exact=True)
-for name in {SYSTEMS}:
+for name in {GPU_PROBLEMS}:
     card.compiled(text.kernel_text(schemes.energy_preserving, problems.by_name(name), False).text)
 print(time.perf_counter() - begun)
 """
@@ -163,7 +163,14 @@ def peers(name: str, paths: int = 2**18) -> dict[str, Any]:
             diffrax.ControlTerm(lambda t, y, _: f(y)[:, None] * c, noise),  # noqa: ARG005
         )
         found = diffrax.diffeqsolve(
-            terms, solver, 0.0, STEPS * H, H, start, max_steps=STEPS + 8, adjoint=diffrax.ForwardMode()
+            terms,
+            solver,
+            0.0,
+            GPU_STEPS * GPU_H,
+            GPU_H,
+            start,
+            max_steps=GPU_STEPS + 8,
+            adjoint=diffrax.ForwardMode(),
         )
         return found.ys[-1]
 
@@ -181,25 +188,25 @@ def peers(name: str, paths: int = 2**18) -> dict[str, Any]:
         with np.errstate(all="ignore"):  # an explicit solver may leave the domain
             defect = problem.hamiltonian(np.asarray(ends).T) - problem.hamiltonian(np.array(start))
         table[type(solver).__name__] = {
-            "ns": round(min(seconds) / paths / STEPS * 1e9, 4), "first_call_s": round(first, 2),
+            "ns": round(min(seconds) / paths / GPU_STEPS * 1e9, 4), "first_call_s": round(first, 2),
             "end_energy_defect": float(np.nanmax(np.abs(defect))),
         }  # fmt: skip
     return table
 
 
-def reduced(paths: int = REDUCED) -> dict[str, Any]:
+def reduced(paths: int = REDUCED_PATHS) -> dict[str, Any]:
     """Moments and quantiles of many paths: seconds, and the card's memory before and after."""
     import cupy
 
     pool = cupy.get_default_memory_pool()
     begun = time.perf_counter()
     ends = sepv.ensemble(
-        "energy-preserving", "rigid-body", h=H, steps=STEPS, paths=paths, engine="cuda",
+        "energy-preserving", "rigid-body", h=GPU_H, steps=GPU_STEPS, paths=paths, engine="cuda",
         reduce={"y1": lambda ends: ends.y[0], "energy": lambda ends: ends.energy_defect},
     )  # fmt: skip
     seconds, y1 = time.perf_counter() - begun, ends.reduced["y1"]
     return {
-        "paths": y1.count, "seconds": round(seconds, 2), "ns": round(seconds / paths / STEPS * 1e9, 4),
+        "paths": y1.count, "seconds": round(seconds, 2), "ns": round(seconds / paths / GPU_STEPS * 1e9, 4),
         "mean_y1": y1.mean, "standard_error": y1.standard_error,
         "largest_energy_defect": ends.reduced["energy"].maximum,
         "card_gigabytes": round(pool.total_bytes() / 1e9, 2), "reason": ends.reason,
@@ -222,9 +229,9 @@ def main() -> None:
         "bandwidth_TB_s": bandwidth(),
     }
     found["compile_s"] = compilation()
-    for name in SYSTEMS:
-        found[name] = agreement(task("energy-preserving", name, COMPARED)) | {
-            scheme: timed(task(scheme, name, PATHS), problems.by_name(name))
+    for name in GPU_PROBLEMS:
+        found[name] = agreement(task("energy-preserving", name, COMPARED_PATHS)) | {
+            scheme: timed(task(scheme, name, TIMED_PATHS), problems.by_name(name))
             for scheme in ("energy-preserving", "euler-heun")
         }
         device.xp.get_default_memory_pool().free_all_blocks()
@@ -232,11 +239,11 @@ def main() -> None:
     device.xp.get_default_memory_pool().free_all_blocks()
     if find_spec("diffrax"):
         os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
-        found["diffrax"] = {name: peers(name) for name in SYSTEMS}
+        found["diffrax"] = {name: peers(name) for name in GPU_PROBLEMS}
     print(json.dumps(found, indent=1))
     agree = all(
-        found[name]["roundings"] <= ULPS * STEPS**0.5 and not found[name]["increments_differ"]
-        for name in SYSTEMS
+        found[name]["roundings"] <= ULPS * GPU_STEPS**0.5 and not found[name]["increments_differ"]
+        for name in GPU_PROBLEMS
     )
     if not agree:
         raise SystemExit(1)

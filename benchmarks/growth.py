@@ -29,7 +29,7 @@ from sepv.console import markdown
 
 
 @dataclass(frozen=True)
-class Row:
+class GrowingSize:
     """One size that grows: `prepare` makes what is not measured, and returns the function that
     is.
     """
@@ -74,7 +74,9 @@ def interval(values: Sequence[float]) -> tuple[float, float]:
 def ensemble(**more: Any) -> Callable[[], Any]:
     """An ensemble of the rigid body by (2.1), ready to run: its kernel is compiled."""
     options: dict[str, Any] = {"h": 0.01, "steps": 10, "paths": 2**14} | more
-    scheme, problem = (options.pop(key, value) for key, value in (("scheme", EP), ("problem", RIGID)))
+    scheme, problem = (
+        options.pop(key, value) for key, value in (("scheme", schemes.energy_preserving), ("problem", RIGID))
+    )
     sepv.ensemble(scheme, problem, **options | {"paths": 256, "steps": 1})
     return lambda: sepv.ensemble(scheme, problem, **options)
 
@@ -100,7 +102,9 @@ def made(d: int) -> Callable[[], Any]:
 def stepped(d: int) -> Callable[[], Any]:
     """Steps of (2.1) in NumPy for 64 paths of the chain."""
     problem = sepv.Problem(**chain(d))
-    return lambda: sepv.ensemble(EP, problem, h=0.01, steps=4, paths=64, engine="numpy")
+    return lambda: sepv.ensemble(
+        schemes.energy_preserving, problem, h=0.01, steps=4, paths=64, engine="numpy"
+    )
 
 
 def degree(n: int) -> Callable[[], Any]:
@@ -131,30 +135,30 @@ def terms(count: int) -> Callable[[], Any]:
 
 def cases(count: int) -> Callable[[], Any]:
     """A run of one law with so many drawn cases."""
-    return lambda: sepv.verify(EP, laws=["energy"], effort=sepv.Effort(examples=count))
+    return lambda: sepv.verify(schemes.energy_preserving, laws=["energy"], effort=sepv.Effort(examples=count))
 
 
-EP, RIGID = schemes.energy_preserving, problems.rigid_body()
+RIGID = problems.rigid_body()
 
 
-def rows(quick: bool) -> list[Row]:
+def rows(quick: bool) -> list[GrowingSize]:
     """The rows of the table."""
     top, cores = (20 if quick else 24), os.cpu_count() or 1
     paths = tuple(2**k for k in range(top - 6, top + 1))
     some = tuple(n for n in (1, 2, 4, 8, 16, 32, 64) if n <= cores)
     return [
-        Row("paths, one thread", paths, lambda n: ensemble(paths=n)),
-        Row("paths, reduced", paths, lambda n: ensemble(paths=n, reduce={"q": lambda ends: ends.y[0]})),
-        Row("steps", (2, 8, 32, 128, 512), lambda n: ensemble(steps=n)),
-        Row("noises m", (1, 4, 16, 64), lambda m: ensemble(problem=problems.rigid_body(noise=(0.1,) * m))),
-        Row("stages (degree 2s)", (1, 2, 4, 6), lambda s: ensemble(scheme=schemes.collocation(s), paths=2**12)),
-        Row("degree of H", (3, 8, 16, 32), degree),
-        Row("d, sepv.Problem of functions", (8, 16, 40, 80) if quick else (8, 16, 40, 100, 200), made),
-        Row("d, steps in NumPy", (4, 8, 12, 16, 24, 32, 40), stepped),
-        Row("terms of a problem file", (1000, 4000, 16_000, 64_000), terms),
-        Row("cases of a law", (25, 100) if quick else (25, 100, 400), cases),
-        Row("cores, processor time", some, lambda n: ensemble(paths=2**20, workers=n), fixed=False),
-        Row("cores (seconds)", some, lambda n: ensemble(paths=2**20, workers=n), perf_counter, False),
+        GrowingSize("paths, one thread", paths, lambda n: ensemble(paths=n)),
+        GrowingSize("paths, reduced", paths, lambda n: ensemble(paths=n, reduce={"q": lambda ends: ends.y[0]})),
+        GrowingSize("steps", (2, 8, 32, 128, 512), lambda n: ensemble(steps=n)),
+        GrowingSize("noises m", (1, 4, 16, 64), lambda m: ensemble(problem=problems.rigid_body(noise=(0.1,) * m))),
+        GrowingSize("stages (degree 2s)", (1, 2, 4, 6), lambda s: ensemble(scheme=schemes.collocation(s), paths=2**12)),
+        GrowingSize("degree of H", (3, 8, 16, 32), degree),
+        GrowingSize("d, sepv.Problem of functions", (8, 16, 40, 80) if quick else (8, 16, 40, 100, 200), made),
+        GrowingSize("d, steps in NumPy", (4, 8, 12, 16, 24, 32, 40), stepped),
+        GrowingSize("terms of a problem file", (1000, 4000, 16_000, 64_000), terms),
+        GrowingSize("cases of a law", (25, 100) if quick else (25, 100, 400), cases),
+        GrowingSize("cores, processor time", some, lambda n: ensemble(paths=2**20, workers=n), fixed=False),
+        GrowingSize("cores (seconds)", some, lambda n: ensemble(paths=2**20, workers=n), perf_counter, False),
     ]  # fmt: skip
 
 

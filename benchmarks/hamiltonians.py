@@ -16,7 +16,7 @@ from sepv.console import markdown
 from sepv.law import Finding, Verdict
 from sepv.verification import LAWS, Report
 
-SCHEMES = (
+HAMILTONIANS_SCHEMES = (
     "stochastic-midpoint",
     "area-midpoint",
     "stochastic-splitting",
@@ -25,7 +25,7 @@ SCHEMES = (
     "drift-preserving",
 )
 HEADS = ("scheme", "source", "claims of the source", "further claims of sepv")
-CLAIMS = (
+CLAIM_ROWS = (
     (
         "stochastic-midpoint",
         "Milstein, Repin and Tretyakov 2002, for constant B",
@@ -63,7 +63,7 @@ CLAIMS = (
         "the same if the noise is not in the image of B",
     ),
 )
-TITLE = """# Schemes for several Hamiltonians: claims and verdicts
+HAMILTONIANS_TITLE = """# Schemes for several Hamiltonians: claims and verdicts
 
 Systems with several Hamiltonians are dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) (`sepv.problem.HamiltoniansProblem`).
 Choose a scheme:
@@ -132,15 +132,15 @@ def main() -> None:
     """Print the page."""
     chosen = arguments(
         __doc__,
-        only={"nargs": "*", "default": list(SCHEMES), "help": "schemes"},
+        only={"nargs": "*", "default": list(HAMILTONIANS_SCHEMES), "help": "schemes"},
         laws={"nargs": "*", "default": list(LAWS), "help": "laws"},
     )
     reports = {}
     for name in over(chosen.only):
         reports[name] = sepv.verify(name, laws=chosen.laws)
         print(f"{name}: {reports[name].counts}", file=sys.stderr, flush=True)
-    print(TITLE)
-    print(table(HEADS, CLAIMS))
+    print(HAMILTONIANS_TITLE)
+    print(table(HEADS, CLAIM_ROWS))
     print(DIFFERENCES)
     print(ADDITIVE + additive_noise.table() + "\n")
     print(VERDICTS)

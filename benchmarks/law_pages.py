@@ -18,8 +18,8 @@ from sepv.verification import ALL_LAWS, load_laws
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 # Parts of a page that are written by hand, in their order; each begins a paragraph. The last part
 # is present only if the report of a violation needs an explanation.
-PARTS = ("Why", "Measured", "Bound", "Broken by", "A violation")
-OPTIONAL = PARTS[-1:]
+PAGE_PARTS = ("Why", "Measured", "Bound", "Broken by", "A violation")
+OPTIONAL = PAGE_PARTS[-1:]
 
 
 def page_of(law: Law) -> Path:

@@ -34,13 +34,13 @@ from sepv.record import poly
 from sepv.schemes import truncation_for
 from sepv.statistics import Estimate, jackknife
 
-ALPHA = 0.01
+ORDERS_ALPHA = 0.01
 # A mean error below this many standard errors is not used for a slope.
 SIGNAL = 5.0
 
 
 @dataclass(frozen=True)
-class Run:
+class OrderRun:
     """A problem, an end time, and numbers of steps for each number of stages."""
 
     make: str
@@ -50,17 +50,17 @@ class Run:
 
 # Steps are so fine that errors are asymptotic for increments of 4.4 standard deviations, but still
 # above rounding.
-USUAL = {1: (16, 32, 64, 128), 2: (32, 64, 128, 256), 3: (32, 64, 128), 4: (32, 64, 128)}
-RUNS = {
-    "rigid body": Run("rigid-body", 1.0, USUAL),
-    "pendulum": Run("pendulum", 1.0, USUAL),
+USUAL_STEPS = {1: (16, 32, 64, 128), 2: (32, 64, 128, 256), 3: (32, 64, 128), 4: (32, 64, 128)}
+ORDER_RUNS = {
+    "rigid body": OrderRun("rigid-body", 1.0, USUAL_STEPS),
+    "pendulum": OrderRun("pendulum", 1.0, USUAL_STEPS),
     # With longer steps some steps have no solution.
-    "Lotka-Volterra": Run(
+    "Lotka-Volterra": OrderRun(
         "lotka-volterra",
         0.5,
         {1: (128, 256, 512), 2: (128, 256, 512), 3: (192, 384, 768), 4: (192, 384, 768)},
     ),
-    "random quartic": Run("quartic", 1.0, USUAL | {1: (64, 128, 256, 512), 4: (48, 96, 192)}),
+    "random quartic": OrderRun("quartic", 1.0, USUAL_STEPS | {1: (64, 128, 256, 512), 4: (48, 96, 192)}),
 }
 
 
@@ -96,7 +96,7 @@ def build(name: str) -> Problem:
 
 def measure(name: str, stages: int, paths: int, seed: int) -> StrongErrors:
     """The errors of collocation with this number of stages on one problem."""
-    run, scheme = RUNS[name], schemes.collocation(stages)
+    run, scheme = ORDER_RUNS[name], schemes.collocation(stages)
     problem, steps = build(run.make), run.steps[stages]
     if stages == 1:
         return strong_errors(scheme, problem, T=run.T, steps=steps, paths=range(paths), seed=seed)
@@ -111,7 +111,7 @@ def defects(name: str, stages: int) -> tuple[float, float]:
     """Largest relative defects of H and of the quadratic Casimirs (NaN if there is none),
     over solved paths.
     """
-    run, scheme = RUNS[name], schemes.collocation(stages)
+    run, scheme = ORDER_RUNS[name], schemes.collocation(stages)
     problem = build(run.make)
     y0 = np.asarray(problem.initial)
     H0 = abs(float(problem.hamiltonian(y0)))
@@ -164,7 +164,7 @@ def table_of_orders(paths: int, seed: int, names: list[str], stages: list[int]) 
             energy, casimir = defects(name, s)
             failed = f" ({sum(errors.failures)} failed)" if any(errors.failures) else ""
             table.add_row(
-                name, str(s), shown(slope(errors, ALPHA)), shown(weak_slope(errors, ALPHA)),
+                name, str(s), shown(slope(errors, ORDERS_ALPHA)), shown(weak_slope(errors, ORDERS_ALPHA)),
                 " ".join(f"{e:.1e}" for e in errors.rms()) + failed, f"{energy:.0e}",
                 f"{casimir:.0e}" if np.isfinite(casimir) else "–",
             )  # fmt: skip
@@ -225,7 +225,7 @@ def main() -> None:
         __doc__,
         paths=2048,
         seed=0,
-        problem={"action": "append", "choices": list(RUNS)},
+        problem={"action": "append", "choices": list(ORDER_RUNS)},
         stages={"type": int, "action": "append", "choices": [1, 2, 3, 4]},
         stall=False,
         clipping=False,
@@ -236,7 +236,7 @@ def main() -> None:
         clipping(options.paths, options.seed)
     else:
         table_of_orders(
-            options.paths, options.seed, options.problem or list(RUNS), options.stages or [1, 2, 3, 4]
+            options.paths, options.seed, options.problem or list(ORDER_RUNS), options.stages or [1, 2, 3, 4]
         )
 
 

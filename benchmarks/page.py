@@ -16,16 +16,15 @@ from pathlib import Path
 
 import click
 
-from benchmarks import over, start
+from benchmarks import ROOT, over, start
 from sepv.page import load, render
 
-ROOT = Path(__file__).resolve().parents[1]
-TITLE = "sepv: schemes, and the paper reproduced"
-SCHEMES = (
+SITE_TITLE = "sepv: schemes, and the paper reproduced"
+SITE_SCHEMES = (
     "energy-preserving", "collocation-2", "collocation-3", "both-invariants", "several-structures", "midpoint",
     "gauss-2", "discrete-gradient", "euler-heun", "milstein", "euler-maruyama", "explicit-4",
 )  # fmt: skip
-COMPARED = (
+SITE_COMPARED = (
     "energy-preserving", "collocation-2", "midpoint", "discrete-gradient", "euler-heun", "explicit-4", "exact-flow",
 )  # fmt: skip
 
@@ -35,8 +34,12 @@ def commands(quick: bool) -> dict[str, list[str]]:
     reproduce.
     """
     less = ["--examples", "5", "--paths", "64"] if quick else []
-    made = {f"{name}.json": ["verify", name, *less] for name in SCHEMES}
-    made["compare.json"] = ["compare", *COMPARED, *(["--paths", "64", "--repeats", "1"] if quick else [])]
+    made = {f"{name}.json": ["verify", name, *less] for name in SITE_SCHEMES}
+    made["compare.json"] = [
+        "compare",
+        *SITE_COMPARED,
+        *(["--paths", "64", "--repeats", "1"] if quick else []),
+    ]
     made["reproduce.json"] = ["reproduce", *(["--quick"] if quick else [])]
     return made
 
@@ -68,7 +71,7 @@ def main(out: Path, keep: Path | None, quick: bool, only: tuple[str, ...]) -> No
             if not file.exists():
                 raise SystemExit(f"no {file}: exit code {done.returncode}")
         files.append(file)
-    page = render(load([*files, ROOT / "benchmarks" / "counters.json"]), title=TITLE)
+    page = render(load([*files, ROOT / "benchmarks" / "counters.json"]), title=SITE_TITLE)
     out.write_text(page, encoding="utf-8")
     click.echo(f"{out}: {len(page.encode()) / 1000:.0f} kB, from {folder}")
 

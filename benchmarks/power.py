@@ -31,7 +31,7 @@ from sepv.schemes import Scheme, Step, both_invariants, energy_preserving, page_
 from sepv.verification import load_laws
 
 
-class Fault(NamedTuple):
+class FaultOfLaw(NamedTuple):
     """A scheme that a law must accuse, and the strata in which it is right or its error is below
     rounding.
     """
@@ -46,46 +46,46 @@ class Fault(NamedTuple):
 # step/contraction radius.
 _SHORT = "step/radius: 2⁻¹⁰"
 _QUADRATIC = ("degree of H: 1–2", _SHORT)
-_CONSTANT = ("degree of B: 0", _SHORT)
+_CONSTANT_B = ("degree of B: 0", _SHORT)
 
 # First faults that show in all cases to which the law applies, to test which cases a design has.
 # Then subtler faults.
-FAULTS = (
+POWER_FAULTS = (
     *(
-        Fault(law, "relative-error-1e-10")
+        FaultOfLaw(law, "relative-error-1e-10")
         for law in ("energy", "casimir", "identity", "midpoint", "reference", "symmetry")
     ),
-    Fault("reduction", "float32"),
-    Fault("noise-sum", "c-squared"),
-    Fault("equivariance", "first component off by 1e-9 of max y"),
-    Fault("reproducibility", "relative error of 1e-12 in batches"),
-    Fault("energy", "one-point-quadrature", _QUADRATIC),
-    Fault("casimir", "b-at-y0", (*_CONSTANT, "Casimirs: linear")),
-    Fault("casimir", "float32-structure", (*_CONSTANT, "Casimirs: linear")),
-    Fault("symmetry", "b-at-y0", _CONSTANT),
-    Fault("reference", "one-point-quadrature", _QUADRATIC),
-    Fault("reference", "step-off-by-1e-10", (_SHORT,)),
-    Fault("midpoint", "b-at-y1", _CONSTANT),
-    Fault("reduction", "step-off-by-1e-10", (_SHORT,)),
-    Fault("noise-sum", "first noise too large by 1e-4", (_SHORT,)),
-    Fault("random-step", "drift-too-large"),
-    Fault("random-step", "explicit-drift-structure", _CONSTANT),
-    Fault("expansion", "drift-too-large"),
-    Fault("expansion", "ito-correction"),
-    Fault("identity", "drift-too-large", ("why: ∇H = 0", "m: 0")),
-    Fault("reproducibility", "first-of-a-batch"),
-    Fault("contract", "changes-y-in-batches"),
-    Fault("contract", "returns-a-buffer"),
-    Fault("energy", "one-point-quadrature", _QUADRATIC, Systems.NAMBU),
-    Fault("invariant:casimir", "(2.1)", ("degree of C: 1", "degree of C: 2", _SHORT), Systems.NAMBU),
-    Fault("invariant:casimir", "relative error of 1e-10", (), Systems.NAMBU),
-    Fault("symmetry", "relative error of 1e-10", (), Systems.NAMBU),
-    Fault("reference", "relative error of 1e-10", (), Systems.NAMBU),
-    Fault("energy", "relative error of 1e-10", (), Systems.SEVERAL),
-    Fault("symmetry", "relative error of 1e-10", (), Systems.SEVERAL),
-    Fault("reference", "relative error of 1e-10", (), Systems.SEVERAL),
-    Fault("reference", "first noise too large by 1e-4", (_SHORT,), Systems.SEVERAL),
-    Fault("noise-sum", "first noise too large by 1e-4", (_SHORT,), Systems.SEVERAL),
+    FaultOfLaw("reduction", "float32"),
+    FaultOfLaw("noise-sum", "c-squared"),
+    FaultOfLaw("equivariance", "first component off by 1e-9 of max y"),
+    FaultOfLaw("reproducibility", "relative error of 1e-12 in batches"),
+    FaultOfLaw("energy", "one-point-quadrature", _QUADRATIC),
+    FaultOfLaw("casimir", "b-at-y0", (*_CONSTANT_B, "Casimirs: linear")),
+    FaultOfLaw("casimir", "float32-structure", (*_CONSTANT_B, "Casimirs: linear")),
+    FaultOfLaw("symmetry", "b-at-y0", _CONSTANT_B),
+    FaultOfLaw("reference", "one-point-quadrature", _QUADRATIC),
+    FaultOfLaw("reference", "step-off-by-1e-10", (_SHORT,)),
+    FaultOfLaw("midpoint", "b-at-y1", _CONSTANT_B),
+    FaultOfLaw("reduction", "step-off-by-1e-10", (_SHORT,)),
+    FaultOfLaw("noise-sum", "first noise too large by 1e-4", (_SHORT,)),
+    FaultOfLaw("random-step", "drift-too-large"),
+    FaultOfLaw("random-step", "explicit-drift-structure", _CONSTANT_B),
+    FaultOfLaw("expansion", "drift-too-large"),
+    FaultOfLaw("expansion", "ito-correction"),
+    FaultOfLaw("identity", "drift-too-large", ("why: ∇H = 0", "m: 0")),
+    FaultOfLaw("reproducibility", "first-of-a-batch"),
+    FaultOfLaw("contract", "changes-y-in-batches"),
+    FaultOfLaw("contract", "returns-a-buffer"),
+    FaultOfLaw("energy", "one-point-quadrature", _QUADRATIC, Systems.NAMBU),
+    FaultOfLaw("invariant:casimir", "(2.1)", ("degree of C: 1", "degree of C: 2", _SHORT), Systems.NAMBU),
+    FaultOfLaw("invariant:casimir", "relative error of 1e-10", (), Systems.NAMBU),
+    FaultOfLaw("symmetry", "relative error of 1e-10", (), Systems.NAMBU),
+    FaultOfLaw("reference", "relative error of 1e-10", (), Systems.NAMBU),
+    FaultOfLaw("energy", "relative error of 1e-10", (), Systems.SEVERAL),
+    FaultOfLaw("symmetry", "relative error of 1e-10", (), Systems.SEVERAL),
+    FaultOfLaw("reference", "relative error of 1e-10", (), Systems.SEVERAL),
+    FaultOfLaw("reference", "first noise too large by 1e-4", (_SHORT,), Systems.SEVERAL),
+    FaultOfLaw("noise-sum", "first noise too large by 1e-4", (_SHORT,), Systems.SEVERAL),
 )
 
 
@@ -121,7 +121,7 @@ _CLASS = {
 }
 
 
-def scheme_of(fault: Fault) -> Scheme:
+def scheme_of(fault: FaultOfLaw) -> Scheme:
     """The broken scheme of a fault, for the class of systems on which the law runs."""
     right = _CLASS[fault.systems]
     if fault.broken == "relative error of 1e-10":
@@ -134,7 +134,7 @@ def scheme_of(fault: Fault) -> Scheme:
     return replace(right, step=step, solve=None)
 
 
-def _space(fault: Fault) -> Space:
+def _space(fault: FaultOfLaw) -> Space:
     (law,) = load_laws([fault.law])
     assert law.cases is not None
     space = law.cases.space(fault.systems)
@@ -142,7 +142,7 @@ def _space(fault: Fault) -> Space:
     return space
 
 
-def measured(fault: Fault, seed: int) -> dict[tuple[int, ...], bool]:
+def measured(fault: FaultOfLaw, seed: int) -> dict[tuple[int, ...], bool]:
     """Map each row of the law's design to True if the law accuses the scheme in the case of this
     row.
     """
@@ -161,7 +161,7 @@ def measured(fault: Fault, seed: int) -> dict[tuple[int, ...], bool]:
     return found
 
 
-def power(fault: Fault, seen: dict[tuple[int, ...], bool]) -> tuple[int, int, int, int, set[str]]:
+def power(fault: FaultOfLaw, seen: dict[tuple[int, ...], bool]) -> tuple[int, int, int, int, set[str]]:
     """The power of a law against one fault.
 
     The result has the number of strata in which the fault is found, the number of all strata, these
@@ -197,7 +197,7 @@ def main() -> None:
     )
     print("| systems | law | broken | but for | cases | found: strata | found: pairs | of |", flush=True)
     print("|---|---|---|---|--:|--:|--:|--:|")
-    asked = [f for f in FAULTS if not options.law or f.law in options.law]
+    asked = [f for f in POWER_FAULTS if not options.law or f.law in options.law]
     for fault in over(asked, lambda f: f"{f.systems}: {f.law}, {f.broken}"):
         rows = len(_space(fault).design().rows)
         totals = [

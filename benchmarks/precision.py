@@ -32,13 +32,13 @@ from sepv.simulate import truncation as bounded
 
 # (end time, numbers of steps): the coarsest first; powers of two, so that all have the same Wiener
 # path.
-GRIDS = {
+PRECISION_GRIDS = {
     "rigid-body": (1.0, (2, 4, 8, 16, 32, 64, 128, 256)),
     "pendulum": (1.0, (2, 4, 8, 16, 32, 64, 128, 256)),
     "lotka-volterra": (0.5, (16, 32, 64, 128, 256, 512)),
     "quartic": (1.0, (2, 4, 8, 16, 32, 64, 128, 256)),
 }
-NAMES = [f"collocation-{s}" for s in range(1, 7)] + [
+PRECISION_SCHEMES = [f"collocation-{s}" for s in range(1, 7)] + [
     "gauss-1",
     "gauss-2",
     "gauss-4",
@@ -47,11 +47,11 @@ NAMES = [f"collocation-{s}" for s in range(1, 7)] + [
 ]
 GOALS = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
 # An error below this is rounding, and finer steps of the scheme are not taken.
-FLOOR = 1e-13
+PRECISION_FLOOR = 1e-13
 
 
 @dataclass(frozen=True)
-class Point:
+class PrecisionPoint:
     """A point of the picture: one scheme with one number of steps.
 
     It has the rms error, the evaluations of ∇H and B for a path, and the largest relative energy
@@ -69,7 +69,7 @@ class Point:
 
 def measure(
     problem: Problem, name: str, fine: Array, exact: Array, T: float, steps: tuple[int, ...]
-) -> list[Point]:
+) -> list[PrecisionPoint]:
     """The points of one scheme, coarsest first, up to the rounding floor."""
     scheme, start, paths = schemes.by_name(name), np.asarray(problem.initial), fine.shape[2]
     H0, found = abs(float(problem.hamiltonian(start))), []
@@ -85,8 +85,10 @@ def measure(
         )
         failed = int(np.count_nonzero(ends.status))
         energy = float(np.max(ends.energy_defect)) / H0
-        found.append(Point(name, count, error, gradients / paths, structures / paths, energy, failed))
-        if not failed and error < FLOOR:
+        found.append(
+            PrecisionPoint(name, count, error, gradients / paths, structures / paths, energy, failed)
+        )
+        if not failed and error < PRECISION_FLOOR:
             break
     return found
 
@@ -99,7 +101,7 @@ def work(scheme: Scheme, gradients: int, structures: int, steps: int) -> tuple[i
     return stages * steps, stages * steps
 
 
-def cheapest(points: list[Point], goal: float) -> tuple[str, float] | None:
+def cheapest(points: list[PrecisionPoint], goal: float) -> tuple[str, float] | None:
     """The scheme that needs the fewest evaluations for the error `goal`, and their number,
     by log-log interpolation.
     """
@@ -112,7 +114,7 @@ def cheapest(points: list[Point], goal: float) -> tuple[str, float] | None:
     return best
 
 
-def evaluations_for(own: list[Point], goal: float) -> float | None:
+def evaluations_for(own: list[PrecisionPoint], goal: float) -> float | None:
     """The evaluations that one scheme needs for an error;
     None if no two of its points enclose the error.
     """
@@ -123,7 +125,7 @@ def evaluations_for(own: list[Point], goal: float) -> float | None:
     return None
 
 
-def table_of_points(name: str, points: list[Point], out: Console) -> None:
+def table_of_points(name: str, points: list[PrecisionPoint], out: Console) -> None:
     """Print the table of errors and costs of a path, by the number of steps."""
     steps = sorted({p.steps for p in points})
     table = Table(title=f"{name}: rms error (evaluations of ∇H a path)", title_justify="left", box=None)
@@ -144,7 +146,7 @@ def table_of_points(name: str, points: list[Point], out: Console) -> None:
     out.print(table)
 
 
-def table_of_goals(results: dict[str, list[Point]], out: Console) -> None:
+def table_of_goals(results: dict[str, list[PrecisionPoint]], out: Console) -> None:
     """Print the table of goals: for each error the cheapest scheme,
     and the cheapest one that keeps the energy.
     """
@@ -161,7 +163,7 @@ def table_of_goals(results: dict[str, list[Point]], out: Console) -> None:
     out.print(table)
 
 
-def picture(results: dict[str, list[Point]], path: Path) -> None:
+def picture(results: dict[str, list[PrecisionPoint]], path: Path) -> None:
     """Draw one panel for each problem: error against evaluations, with solid lines for
     collocation.
     """
@@ -180,7 +182,7 @@ def picture(results: dict[str, list[Point]], path: Path) -> None:
                 own = [p for p in points if p.scheme == scheme and not p.failed]
                 how = line(looks[scheme]) | {"markerfacecolor": looks[scheme].colour}
                 axis.plot([p.gradients for p in own], [p.error for p in own], label=scheme, **how)
-            axis.set_title(f"{name}, T = {GRIDS[name][0]:g}", fontsize=10)
+            axis.set_title(f"{name}, T = {PRECISION_GRIDS[name][0]:g}", fontsize=10)
             frame(axis, Axis("evaluations of ∇H a path", log=True), Axis("rms error at T", log=True))
         handles, labels = axes.flat[0].get_legend_handles_labels()
         drawn.legend(handles, labels, loc="outside lower center", ncols=6)
@@ -191,13 +193,15 @@ def main() -> None:
     """Print the tables, and draw the picture if one is asked for."""
     options = arguments(__doc__, paths=2000, seed=0, picture={"type": Path})
     out, results = Console(width=150), {}
-    for name, (T, steps) in over(GRIDS.items(), lambda item: item[0]):
+    for name, (T, steps) in over(PRECISION_GRIDS.items(), lambda item: item[0]):
         problem = build(name)
         fine = wiener.increments(
             options.seed, T=T, steps=steps[-1], noises=problem.noises, paths=options.paths
         )
         exact = exact_flow(problem, problem.random_step(T, fine.sum(axis=0)))
-        results[name] = [p for s in over(NAMES) for p in measure(problem, s, fine, exact.y, T, steps)]
+        results[name] = [
+            p for s in over(PRECISION_SCHEMES) for p in measure(problem, s, fine, exact.y, T, steps)
+        ]
         table_of_points(name, results[name], out)
         out.print(f"exact time change: error {exact.error:.0e}, one normal number a path ({exact.method})\n")
     table_of_goals(results, out)

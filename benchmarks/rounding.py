@@ -28,18 +28,18 @@ from sepv.law.tolerance import rounding_walk
 from sepv.problem import Array
 from sepv.record import EPS
 
-RUNS = (
+ROUNDING_RUNS = (
     ("harmonic-oscillator", 0.01),
     ("rigid-body", 0.01),
     ("pendulum", 0.01),
     ("lotka-volterra", 2.0**-20),
 )
-HEADINGS = (
+ROUNDING_HEADINGS = (
     "problem", "", "summation", "ulp", "predicted", "eps·√N", "largest", "growth, 99 %", "bias",
     "bias/s.e.", "99 % <", "",
 )  # fmt: skip
-DOUBLINGS = 10
-RESAMPLES = 2000
+ROUNDING_DOUBLINGS = 10
+ROUNDING_RESAMPLES = 2000
 
 
 def walk(states: Array, invariant: Callable[[Any], Any], exact: Any, y0: Array) -> Array:
@@ -58,7 +58,7 @@ def growth(defects: Array, n: Array, seed: int = 0) -> tuple[float, float, float
         return float(logs @ np.log(rms) / (logs @ logs))
 
     paths = defects.shape[1]
-    drawn = [slope(defects[:, rng.integers(0, paths, paths)]) for _ in range(RESAMPLES)]
+    drawn = [slope(defects[:, rng.integers(0, paths, paths)]) for _ in range(ROUNDING_RESAMPLES)]
     low, high = np.quantile(drawn, (0.005, 0.995))
     return slope(defects), float(low), float(high)
 
@@ -86,7 +86,7 @@ def measure(name: str, h: float, steps: int, paths: int, seed: int, table: Table
     problem = problems.by_name(name)
     assert problem.data is not None
     exact, y0 = exact_problem(problem.data, 40), np.asarray(problem.initial, dtype=np.float64)
-    n = np.unique(np.rint(steps * 2.0 ** -np.arange(DOUBLINGS + 1.0)))
+    n = np.unique(np.rint(steps * 2.0 ** -np.arange(ROUNDING_DOUBLINGS + 1.0)))
     for compensated in over((False, True), lambda c: "compensated" if c else "plain"):
         start = time.perf_counter()
         ends = sepv.ensemble(
@@ -128,15 +128,19 @@ def main() -> None:
         steps=1e6,
         paths=32,
         seed=0,
-        problem={"action": "append", "choices": [name for name, _ in RUNS], "help": "all without it"},
+        problem={
+            "action": "append",
+            "choices": [name for name, _ in ROUNDING_RUNS],
+            "help": "all without it",
+        },
     )
     steps = int(options.steps)
     out = Console(width=150)
     out.print(f"(2.1), {options.paths} paths of {steps} steps: root mean square over √n")
-    chosen = [(name, h) for name, h in RUNS if name in (options.problem or [name])]
+    chosen = [(name, h) for name, h in ROUNDING_RUNS if name in (options.problem or [name])]
     for name, h in over(chosen, lambda run: run[0]):
         table = Table(box=None)
-        for heading in HEADINGS:
+        for heading in ROUNDING_HEADINGS:
             table.add_column(heading, min_width=19 if heading == "problem" else None)
         measure(name, h, steps, options.paths, options.seed, table)
         out.print(table)

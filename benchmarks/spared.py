@@ -23,8 +23,8 @@ from sepv.law import Effort
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, Step
 
-LAWS = ("mean-square-order", "weak-order", "right-limit", "rounding")
-RIGHT = ("midpoint", "energy-preserving", "euler-heun", "milstein", "explicit-8")
+SPARED_LAWS = ("mean-square-order", "weak-order", "right-limit", "rounding")
+SPARED_SCHEMES = ("midpoint", "energy-preserving", "euler-heun", "milstein", "explicit-8")
 
 
 def _field(problem: Problem, y: Array) -> Array:
@@ -46,7 +46,7 @@ def _correction(problem: Problem, y: Array, h: float, _dW: Array) -> Array:
 
 
 # For each fault: the law that should find it, and the step with a fault of size ε.
-FAULTS: dict[str, tuple[str, Callable[[float], Step]]] = {
+SIZED_FAULTS: dict[str, tuple[str, Callable[[float], Step]]] = {
     "noise": ("right-limit", lambda e: lambda p, y, h, dW: schemes.euler_heun.step(p, y, h, (1 + e) * dW)),
     "drift": ("right-limit", lambda e: lambda p, y, h, dW: schemes.euler_heun.step(p, y, (1 + e) * h, dW)),
     "Itô": ("right-limit", lambda e: _added(e, _correction)),
@@ -71,14 +71,18 @@ def main() -> None:
         __doc__,
         seeds=10,
         start=0,
-        scheme={"action": "append", "choices": RIGHT, "help": "right ones; without --fault all"},
-        fault={"choices": FAULTS},
+        scheme={"action": "append", "choices": SPARED_SCHEMES, "help": "right ones; without --fault all"},
+        fault={"choices": SIZED_FAULTS},
         size={"type": float, "action": "append", "default": []},
     )
     seeds = range(options.start, options.start + options.seeds)
-    rows = [(name, schemes.by_name(name), LAWS) for name in options.scheme or RIGHT if not options.fault]
+    rows = [
+        (name, schemes.by_name(name), SPARED_LAWS)
+        for name in options.scheme or SPARED_SCHEMES
+        if not options.fault
+    ]
     for size in options.size:
-        law, step = FAULTS[options.fault]
+        law, step = SIZED_FAULTS[options.fault]
         wrong = Scheme("wrong", step(size), (law,), mean_square_order=1.0)
         rows.append((f"{options.fault} {size:g}", wrong, (law,)))
     for name, scheme, laws in rows:

@@ -14,7 +14,7 @@ from sepv import problems, schemes
 from sepv.problem import Problem
 from sepv.simulate import wiener
 
-GRIDS = {"rigid-body": (1.0, 32), "pendulum": (1.0, 32), "lotka-volterra": (0.25, 64)}
+ENSEMBLE_GRIDS = {"rigid-body": (1.0, 32), "pendulum": (1.0, 32), "lotka-volterra": (0.25, 64)}
 
 
 def engines() -> list[str]:
@@ -39,9 +39,9 @@ def tell(benchmark: Any, ends: Any, problem: Problem, T: float) -> None:
 
 @pytest.mark.parametrize("engine", engines())
 @pytest.mark.parametrize("drawn", [True, False], ids=["increments drawn", "increments given"])
-@pytest.mark.parametrize("name", GRIDS)
+@pytest.mark.parametrize("name", ENSEMBLE_GRIDS)
 def test_ensemble(benchmark: Any, name: str, drawn: bool, engine: str) -> None:
-    problem, (T, steps) = problems.by_name(name), GRIDS[name]
+    problem, (T, steps) = problems.by_name(name), ENSEMBLE_GRIDS[name]
     paths = 256
     more: dict[str, Any] = {"paths": paths}
     if not drawn:

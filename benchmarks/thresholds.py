@@ -18,7 +18,7 @@ from sepv.schemes import energy_preserving_formula as formula
 from sepv.verification import LAWS, verify
 
 # The smallest power of ten: an error below an ulp of Δ has no effect.
-LEAST_POWER = -16
+ERROR_MIN_POWER = -16
 
 
 def wrong(noise: float, drift: float) -> Scheme:
@@ -41,7 +41,7 @@ def smallest(law: str, of: str) -> tuple[int | None, Verdict]:
     and its verdict on the next smaller power.
     """
     named = None
-    for power in range(-1, LEAST_POWER - 1, -1):
+    for power in range(-1, ERROR_MIN_POWER - 1, -1):
         found = verdict(law, of, 10.0**power)
         if found is not Verdict.VIOLATED:
             return named, found

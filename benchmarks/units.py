@@ -56,7 +56,7 @@ SCALES = tuple(
 )
 # The laws that judge a user's problem in steps h that the suite chooses. Other laws take the steps
 # of their cases.
-LAWS = (
+UNITS_LAWS = (
     "rounding", "truncation", "local-mean", "local-mean-square", "local-weak", "mean-square-order", "weak-order",
     "right-limit",
 )  # fmt: skip
@@ -74,7 +74,7 @@ def _canonical(H: Any, initial: tuple[float, ...], c: tuple[float, ...], name: s
     return make
 
 
-PROBLEMS: dict[str, Callable[[], Problem]] = {
+UNITS_PROBLEMS: dict[str, Callable[[], Problem]] = {
     **problems.PAPER,
     **problems.EXTENSIONS,
     "quartic-top": five_noises,
@@ -103,7 +103,7 @@ PROBLEMS: dict[str, Callable[[], Problem]] = {
         poly.polynomial(2, {(0, 2): 0.5, (4, 0): 0.25}), (1.0, 0.0), (1.0, 2.0**-20), "unequal-noises"
     ),
 }  # fmt: skip
-SCHEMES = ("energy-preserving", "midpoint", "euler-heun", "milstein", "collocation-2", "explicit-4")
+UNITS_SCHEMES = ("energy-preserving", "midpoint", "euler-heun", "milstein", "collocation-2", "explicit-4")
 
 
 def scaled(problem: Problem, scale: Scale) -> Problem:
@@ -134,7 +134,7 @@ def scaled(problem: Problem, scale: Scale) -> Problem:
 
 
 def findings(
-    scheme: Scheme, problem: Problem, effort: Effort, laws: tuple[str, ...] = LAWS
+    scheme: Scheme, problem: Problem, effort: Effort, laws: tuple[str, ...] = UNITS_LAWS
 ) -> tuple[Finding, ...]:
     """The findings of the laws that a scheme claims, if the scheme can take this problem."""
     claimed = [law for law in laws if law in scheme.claims]
@@ -155,7 +155,7 @@ def judged(
 ) -> Iterator[tuple[str, str, Scale, tuple[Finding, ...]]]:
     """Findings of every scheme on every problem at every scale."""
     for name in over(names):
-        problem = PROBLEMS[name]()
+        problem = UNITS_PROBLEMS[name]()
         for own in chosen:
             for scale in scales:
                 yield name, own, scale, findings(schemes.by_name(own), scaled(problem, scale), effort, laws)
@@ -165,13 +165,13 @@ def main() -> None:
     """Print the table as Markdown."""
     options = arguments(
         __doc__,
-        problem={"action": "append", "choices": list(PROBLEMS)},
-        scheme={"action": "append", "help": f"by default {', '.join(SCHEMES)}"},
-        law={"action": "append", "help": f"by default {', '.join(LAWS)}"},
+        problem={"action": "append", "choices": list(UNITS_PROBLEMS)},
+        scheme={"action": "append", "help": f"by default {', '.join(UNITS_SCHEMES)}"},
+        law={"action": "append", "help": f"by default {', '.join(UNITS_LAWS)}"},
         corners={"action": "store_true", "help": "only where rate, noise and size are all extreme"},
         seed=0,
     )
-    laws = tuple(options.law or LAWS)
+    laws = tuple(options.law or UNITS_LAWS)
     scales = tuple(s for s in SCALES if 1.0 not in s) if options.corners else SCALES
     print(f"{len(scales)} scales: rate, noise and size from {min(VALUES):g} to {max(VALUES):g}\n")
     print(
@@ -185,7 +185,7 @@ def main() -> None:
         held, outside, bad = (counts[(*at, kind)] for kind in ("holds", "not applicable", "wrong"))
         print(f"| {at[0]} | {at[1]} | {held + outside + bad} | {held} | {outside} | {bad} |", flush=True)
 
-    names, chosen = options.problem or list(PROBLEMS), options.scheme or list(SCHEMES)
+    names, chosen = options.problem or list(UNITS_PROBLEMS), options.scheme or list(UNITS_SCHEMES)
     asked = judged(names, chosen, scales, laws, Effort(seed=options.seed))
     for name, scheme, scale, found in asked:
         if shown not in (None, (name, scheme)):

@@ -26,13 +26,13 @@ from sepv import problems
 from sepv.pictures import Axis, Series, content, draw_curves, figure, looks
 from sepv.problem import Problem
 
-T = 1.0
-STEPS = (4, 8, 16, 32, 64, 128, 256)
-SCHEMES = ("energy-preserving", "midpoint", "modified-weak-2")
-FUNCTIONS = {"y1": lambda y: y[0], "y2": lambda y: y[1], "y1 y2": lambda y: y[0] * y[1]}
-NODES = 256
+WEAK_T = 1.0
+WEAK_STEPS = (4, 8, 16, 32, 64, 128, 256)
+WEAK_SCHEMES = ("energy-preserving", "midpoint", "modified-weak-2")
+WEAK_FUNCTIONS = {"y1": lambda y: y[0], "y2": lambda y: y[1], "y1 y2": lambda y: y[0] * y[1]}
+WEAK_NODES = 256
 # The half-width of an interval of 99 %, in standard errors.
-WIDTH = float(ndtri(0.995))
+HALF_WIDTH = float(ndtri(0.995))
 
 
 class WeakError(NamedTuple):
@@ -47,26 +47,26 @@ class WeakError(NamedTuple):
     @property
     def seen(self) -> bool:
         """True if the interval of 99 % does not contain 0."""
-        return abs(self.error) > WIDTH * self.standard_error
+        return abs(self.error) > HALF_WIDTH * self.standard_error
 
 
 def expectations(problem: Problem) -> dict[str, float]:
     """E φ(y(T)) of each function by Gauss-Hermite quadrature over θ,
     exact to rounding for these smooth flows.
     """
-    x, weights = np.polynomial.hermite_e.hermegauss(NODES)
+    x, weights = np.polynomial.hermite_e.hermegauss(WEAK_NODES)
     kept = weights > weights.max() * 1e-30
-    theta = T + np.sqrt(T * float(np.sum(problem.c**2))) * x[kept]
+    theta = WEAK_T + np.sqrt(WEAK_T * float(np.sum(problem.c**2))) * x[kept]
     y = sepv.exact_flow(problem, theta, problem.initial).y
-    return {name: float(f(y) @ weights[kept] / weights.sum()) for name, f in FUNCTIONS.items()}
+    return {name: float(f(y) @ weights[kept] / weights.sum()) for name, f in WEAK_FUNCTIONS.items()}
 
 
 def weak_errors(problem: Problem, scheme: str, steps: int, **options: Any) -> list[WeakError]:
     """The weak errors of a scheme with N = `steps` steps; `options` are paths,
     seed and engine of `sepv.ensemble`.
     """
-    reduced = {name: (lambda ends, f=f: f(ends.y)) for name, f in FUNCTIONS.items()}
-    ends = sepv.ensemble(scheme, problem, h=T / steps, steps=steps, reduce=reduced, **options)
+    reduced = {name: (lambda ends, f=f: f(ends.y)) for name, f in WEAK_FUNCTIONS.items()}
+    ends = sepv.ensemble(scheme, problem, h=WEAK_T / steps, steps=steps, reduce=reduced, **options)
     exact = expectations(problem)
     return [
         WeakError(scheme, name, steps, s.mean - exact[name], s.standard_error)
@@ -81,23 +81,25 @@ def order(found: list[WeakError]) -> tuple[float, float]:
     seen = [w for w in found if w.seen]
     if len(seen) < 2:
         return float("nan"), float("inf")
-    x, z = np.log([T / w.steps for w in seen]), np.log([abs(w.error) for w in seen])
+    x, z = np.log([WEAK_T / w.steps for w in seen]), np.log([abs(w.error) for w in seen])
     weights = np.array([(w.error / w.standard_error) ** 2 for w in seen])
     centred = x - np.average(x, weights=weights)
     square = float(weights @ centred**2)
-    return float((weights * centred) @ z) / square, WIDTH / square**0.5
+    return float((weights * centred) @ z) / square, HALF_WIDTH / square**0.5
 
 
 def picture(found: list[WeakError], path: Path) -> None:
     """Draw |error| against h for each function, where an error is seen."""
     with figure(11, 4, layout="constrained") as drawn:
-        for axes, function in zip(drawn.subplots(1, len(FUNCTIONS), sharey=True), FUNCTIONS, strict=True):
+        for axes, function in zip(
+            drawn.subplots(1, len(WEAK_FUNCTIONS), sharey=True), WEAK_FUNCTIONS, strict=True
+        ):
             series = [
-                Series(s, [T / w.steps for w in own], [abs(w.error) for w in own], s)
-                for s in SCHEMES
+                Series(s, [WEAK_T / w.steps for w in own], [abs(w.error) for w in own], s)
+                for s in WEAK_SCHEMES
                 if (own := [w for w in found if w.seen and (w.scheme, w.function) == (s, function)])
             ]
-            look, x = looks(SCHEMES), Axis("step size h", log=True)
+            look, x = looks(WEAK_SCHEMES), Axis("step size h", log=True)
             draw_curves(axes, series, look, x, Axis(f"|error of E {function}|", log=True), slopes=(1.0, 2.0))
             axes.legend()
         path.write_bytes(content(drawn, path.suffix))
@@ -116,17 +118,17 @@ def main() -> None:
     problem = problems.by_name(options.problem)
     run = {"paths": options.paths, "engine": options.engine}
     found: list[WeakError] = []
-    for number, scheme in enumerate(over(SCHEMES)):
-        for steps in over(STEPS, "{} steps".format):
-            found += weak_errors(problem, scheme, steps, seed=options.seed + number * len(STEPS), **run)
+    for number, scheme in enumerate(over(WEAK_SCHEMES)):
+        for steps in over(WEAK_STEPS, "{} steps".format):
+            found += weak_errors(problem, scheme, steps, seed=options.seed + number * len(WEAK_STEPS), **run)
     table = Table(title=f"{options.problem}, {options.paths:.0e} paths: error ± half-width of 99 %")
-    for heading in ("scheme", "function", *(f"N = {n}" for n in STEPS), "order"):
+    for heading in ("scheme", "function", *(f"N = {n}" for n in WEAK_STEPS), "order"):
         table.add_column(heading)
-    for scheme in SCHEMES:
-        for function in FUNCTIONS:
+    for scheme in WEAK_SCHEMES:
+        for function in WEAK_FUNCTIONS:
             own = [w for w in found if (w.scheme, w.function) == (scheme, function)]
             slope, half = order(own)
-            cells = (f"{w.error:.1e} ± {WIDTH * w.standard_error:.0e}" for w in own)
+            cells = (f"{w.error:.1e} ± {HALF_WIDTH * w.standard_error:.0e}" for w in own)
             table.add_row(scheme, function, *cells, f"{slope:.2f} ± {half:.2f}")
     Console(width=200).print(table)
     if options.picture:

@@ -31,7 +31,7 @@ from sepv.problem import GivenProblem, Systems
 from sepv.schemes import Scheme
 from sepv.verification import load_laws
 
-FOLDER = Path(__file__).resolve().parents[1] / "reference" / "witnesses"
+WITNESS_OUT = Path(__file__).resolve().parents[1] / "reference" / "witnesses"
 # The most witnesses of a law and a class of systems; faults that they do not show are left to the
 # search.
 WITNESSES_MAX = 6
@@ -47,7 +47,7 @@ def made(name: str) -> dict[str, Any]:
     for number, entry in enumerate(found, 1):
         numbered = {"id": f"{name}/{number:02}", **entry}
         entries.append({**numbered, "hash": digest(numbered)})
-    return {"format": corpus.FORMAT, "law": name, "witnesses": entries}
+    return {"format": corpus.WITNESS_FORMAT, "law": name, "witnesses": entries}
 
 
 def _of_class(law: Law, systems: Systems) -> list[dict[str, Any]]:
@@ -155,14 +155,14 @@ def main() -> None:
     parser.add_argument("--law", action="append", choices=searched_laws())
     parser.add_argument("-j", type=int, default=1, help="processes")
     options = parser.parse_args()
-    FOLDER.mkdir(exist_ok=True)
+    WITNESS_OUT.mkdir(exist_ok=True)
     names = options.law or searched_laws()
     with ProcessPoolExecutor(options.j) as pool:
         results = pool.map(made, names)
         for name in over(names):
             data = next(results)
             if data["witnesses"]:
-                (FOLDER / corpus.file_of(name)).write_text(text_of(data), encoding="utf-8")
+                (WITNESS_OUT / corpus.file_of(name)).write_text(text_of(data), encoding="utf-8")
             print(f"{name}: {len(data['witnesses'])} witnesses", flush=True)
 
 

@@ -12,7 +12,7 @@ from sepv.reference.equations import Equation
 from sepv.reference.steps import reference_step
 
 from sepv._kept import kept, key_of
-from sepv.law.tolerance import DIGITS
+from sepv.law.tolerance import STATE_ERROR_DIGITS
 from sepv.problem import Description
 
 
@@ -20,15 +20,15 @@ def exact_step(
     method: str | Equation, data: Description, y: Sequence[float], h: float, dW: Sequence[float],
     start: list[float] | None = None,
 ) -> tuple[list[Any], list[list[float]]]:  # fmt: skip
-    """Return y1 to DIGITS digits, as d numbers of mpmath, and the condition matrix (d, d)
-    of the step's equation.
+    """Return y1 to STATE_ERROR_DIGITS digits, as d numbers of mpmath, and the condition matrix (d,
+    d) of the step's equation.
 
     Arguments and errors are those of `sepv.reference.steps.reference_step`. Only steps of named
     equations are cached.
     """
 
     def solved() -> tuple[list[Any], list[list[float]]]:
-        step = reference_step(method, data, y, h, dW, DIGITS, start=start)
+        step = reference_step(method, data, y, h, dW, STATE_ERROR_DIGITS, start=start)
         return [
             (int(s), int(man), int(e), int(n)) for s, man, e, n in (v._mpf_ for v in step.y1)
         ], step.condition
@@ -37,4 +37,4 @@ def exact_step(
         parts, condition = kept("steps").get(key_of(method, data, tuple(y), h, tuple(dW), start), solved)
     else:
         parts, condition = solved()
-    return [context(DIGITS).make_mpf(part) for part in parts], condition
+    return [context(STATE_ERROR_DIGITS).make_mpf(part) for part in parts], condition

@@ -56,7 +56,9 @@ def tangent(scheme: Scheme, case: Case) -> StepSlope:
     """
     problem, y, h, dW = case.build()
     rho = _disc(problem, y, h, dW)
-    sizes = [poisson.WIDTH * rho] * y.size if rho else poisson.BLIND_WIDTH * poisson.scales(problem, y)
+    sizes = (
+        [poisson.STENCIL_WIDTH * rho] * y.size if rho else poisson.BLIND_WIDTH * poisson.scales(problem, y)
+    )
     # Widths of the differences are rounded down to powers of two, so that multiples of them and
     # divisions are exact.
     widths = np.array([float(2.0 ** np.floor(np.log2(size))) for size in sizes])
@@ -66,17 +68,17 @@ def tangent(scheme: Scheme, case: Case) -> StepSlope:
     # twice the shift. So the residual at a shifted state is at most twice the residual at y, plus a
     # term for y near 0.
     residual = 2 * step_residual(problem, y, y1, h, dW, scheme)
-    shifts = 2 * poisson.POINTS * float(widths.max())
+    shifts = 2 * poisson.STENCIL_POINTS * float(widths.max())
     residual += accumulated(scheme) * scheme.eps * operations(problem, scheme.stages) * shifts
     error = amplification(scheme, case) * float(residual.max())
     slope, doubt = poisson.derivative(answers, widths)
     if not np.all(np.isfinite(slope)):
         raise Skipped("the derivative of the step overflows")
     if rho:
-        doubt = np.full_like(slope, poisson.TRUNCATION * float((widths[0] / rho) ** 6))
+        doubt = np.full_like(slope, poisson.STENCIL_TRUNCATION * float((widths[0] / rho) ** 6))
     elif not np.max(doubt) <= JACOBIAN_MAX_ERROR * max(1.0, float(np.max(np.abs(slope)))):
         raise Skipped("the step is not smooth enough for its derivative to be taken by differences")
-    return StepSlope(slope, doubt + poisson.ROUNDING * error / widths, error, y1)
+    return StepSlope(slope, doubt + poisson.STENCIL_ROUNDING * error / widths, error, y1)
 
 
 def check(scheme: Scheme, case: Case, factor: float = 1.0) -> Measurement:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from sepv.reference.arithmetic import Vector
 from sepv.reference.equations import Equation, Step, make_step
 from sepv.reference.problem import Description, ExactProblem, binary64_problem
-from sepv.reference.solve import BROKEN, Root, largest, newton
+from sepv.reference.solve import BROKEN, CertifiedRoot, largest, newton
 
 _FIRST, _LEAST = 1 / 16, 1e-14
 # A solution that moves by more than this fraction of its size in one step of t may lie on another
@@ -25,7 +25,7 @@ _FIRST, _LEAST = 1 / 16, 1e-14
 _JUMP = 0.05
 
 
-class Branch(NamedTuple):
+class BranchEnd(NamedTuple):
     """The end of a branch of solutions: the fraction t of the step (h, ΔW) that was reached,
     1 for the whole step.
 
@@ -43,7 +43,7 @@ class Branch(NamedTuple):
 
 def follow(
     equation: Equation, data: Description, y: Sequence[float], h: float, dW: Sequence[float]
-) -> Branch:
+) -> BranchEnd:
     """Follow the solution of the step t(h, dW) from y while t grows from 0 to 1, in binary64.
 
     The end of this branch of solutions is located to about 13 digits of t.
@@ -62,7 +62,7 @@ def follow(
             width /= 2
         else:
             reached, x, width = t, point, 1.5 * width
-    return Branch(reached, x)
+    return BranchEnd(reached, x)
 
 
 def _at(
@@ -77,7 +77,7 @@ def _at(
         root = newton(lambda z: residual(problem, y0, step, z), x, scale, problem.arithmetic, 1e-12, most=8)
     except BROKEN:
         return None
-    if not isinstance(root, Root) or not problem.inside(equation.result(problem, y0, step, root.x)):
+    if not isinstance(root, CertifiedRoot) or not problem.inside(equation.result(problem, y0, step, root.x)):
         return None
     moved = largest([a - b for a, b in zip(root.x, x, strict=True)])
     return root.x if moved <= _JUMP * max(scale, largest(root.x)) else None

@@ -28,7 +28,7 @@ from sepv.errors import SepvError
 BITS = 500
 # The radius of the box X relative to the largest component; the files of reference vectors promise
 # this radius.
-RADIUS = 1e-46
+BOX_RADIUS = 1e-46
 
 
 class NotCertified(SepvError, ArithmeticError):
@@ -93,7 +93,7 @@ def certify(
     dW: Sequence[float],
     step: ReferenceStep,
     bits: int = BITS,
-    radius: float = RADIUS,
+    radius: float = BOX_RADIUS,
 ) -> Certificate:
     """Prove that the equation of a step has exactly one solution near a reference step.
 

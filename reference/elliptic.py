@@ -33,15 +33,15 @@ def closed_form(data: Description, y: Sequence[float], theta: float, digits: int
         If the problem has no closed form, θ is not finite, or digits is out of range.
     """
     require_digits(digits)
-    if not isinstance(data, NamedProblem) or data.name not in _FORMS:
+    if not isinstance(data, NamedProblem) or data.name not in _ELLIPTIC_FORMS:
         raise UsageError(
-            expected=f"a problem with a closed form: {', '.join(_FORMS)}",
+            expected=f"a problem with a closed form: {', '.join(_ELLIPTIC_FORMS)}",
             received=f"{data!r:.60}",
             remedy="sepv.reference.flow.taylor follows the flow of any problem",
         )
     if not math.isfinite(theta):
         raise UsageError(expected="a finite θ", received=repr(theta), remedy="θ = t + Σ c_j W_j(t)")
-    form, guard = _FORMS[data.name], 20 + int(math.log10(1 + abs(theta)))
+    form, guard = _ELLIPTIC_FORMS[data.name], 20 + int(math.log10(1 + abs(theta)))
     ctx = context(digits + guard)
     distance = _to_separatrix(ctx, data, y)
     if distance:
@@ -53,7 +53,7 @@ def closed_form(data: Description, y: Sequence[float], theta: float, digits: int
 
 def has_closed_form(data: Description) -> bool:
     """True if this module has a closed form of the problem's exact flow."""
-    if not isinstance(data, NamedProblem) or data.name not in _FORMS:
+    if not isinstance(data, NamedProblem) or data.name not in _ELLIPTIC_FORMS:
         return False
     inertia = dict(data.parameters).get("inertia", (1.0, 2.0, 3.0))
     return len(set(inertia)) == 3
@@ -161,7 +161,7 @@ def _rigid_body(ctx: Any, parameters: Parameters, y: Vector, theta: Number) -> V
     return y1
 
 
-_FORMS: dict[str, Form] = {
+_ELLIPTIC_FORMS: dict[str, Form] = {
     "harmonic-oscillator": _oscillator,
     "pendulum": _pendulum,
     "rigid-body": _rigid_body,

@@ -21,7 +21,7 @@ from sepv.record import replay
 
 # A well-written H of d variables is off by a few roundings of y and of its value. 16 is a
 # heuristic: it covers a sum of some ten terms, each a product of a few factors, in any order.
-ROUNDINGS = 16.0
+FUNCTION_ROUNDINGS = 16.0
 
 
 @lru_cache(maxsize=256)
@@ -82,8 +82,8 @@ class GivenFunctions:
             return self.ctx.mpf(float(self.problem.hamiltonian(np.array(values))))
 
     def uncertainty(self, *states: Any) -> Any:
-        """A bound of the error of H(y1) − H(y0): ROUNDINGS half-ulps of |∇H|·|y| + |H| at each
-        state, 0 for a record.
+        """A bound of the error of H(y1) − H(y0): FUNCTION_ROUNDINGS half-ulps of |∇H|·|y| + |H| at
+        each state, 0 for a record.
 
         Longest floats would allow a smaller bound. But the code of H may compute a part of H in
         binary64, which cannot be seen from outside, so the bound is that of binary64 in either
@@ -95,7 +95,7 @@ class GivenFunctions:
             np.sum(np.abs(self.problem.gradient(y)) * np.abs(y), axis=0) + np.abs(self.problem.hamiltonian(y))
             for y in states
         ]
-        return ROUNDINGS * 2.0**-53 * sum(slopes)
+        return FUNCTION_ROUNDINGS * 2.0**-53 * sum(slopes)
 
     def casimir_values(self, y: Vector) -> Vector:
         """All quadratic Casimirs yᵀAy, then all linear ones bᵀy."""

@@ -19,14 +19,14 @@ from sepv.reference.problem import ExactProblem, in_arithmetic
 from sepv.reference.tableau import horner, stage_table
 
 # With N = 150 nodes the factor ρ^(−2(N−1)) is 1e-52 for ρ = 3/2 and 1e-179 for ρ = 4.
-_NODES = 150
+_FIXED_NODES = 150
 _ELLIPSES = (4.0, 3.0, 2.0, 1.5)
 _CELLS = 10
 
 
 def with_more_nodes(equation: Equation) -> Equation:
     """A copy of the equation with enough quadrature nodes for a proof."""
-    return collocation(equation.blocks, max(equation.nodes, _NODES)) if equation.nodes else equation
+    return collocation(equation.blocks, max(equation.nodes, _FIXED_NODES)) if equation.nodes else equation
 
 
 def quadrature_error(

@@ -17,7 +17,7 @@ from sepv.reference.problem import Description, in_arithmetic
 Dot = Callable[[Iterable[Number], Iterable[Number]], Number]
 
 
-class Series:
+class PowerSeries:
     """A power series Σ_k a_k t^k. `rule(k)` gives a_k from a_0 … a_{k−1};
     `dot` is a scalar product of coefficients.
     """
@@ -37,39 +37,39 @@ class Series:
         self[k]
         return self.coefficients[: k + 1]
 
-    def __add__(self, other: Any) -> Series:
-        if isinstance(other, Series):
-            return Series(self.dot, lambda k: self[k] + other[k])
-        return Series(self.dot, lambda k: self[k] if k else self[0] + other)
+    def __add__(self, other: Any) -> PowerSeries:
+        if isinstance(other, PowerSeries):
+            return PowerSeries(self.dot, lambda k: self[k] + other[k])
+        return PowerSeries(self.dot, lambda k: self[k] if k else self[0] + other)
 
-    def __neg__(self) -> Series:
-        return Series(self.dot, lambda k: -self[k])
+    def __neg__(self) -> PowerSeries:
+        return PowerSeries(self.dot, lambda k: -self[k])
 
-    def __sub__(self, other: Any) -> Series:
+    def __sub__(self, other: Any) -> PowerSeries:
         return self + -other
 
-    def __rsub__(self, other: Any) -> Series:
+    def __rsub__(self, other: Any) -> PowerSeries:
         return -self + other
 
-    def __mul__(self, other: Any) -> Series:
-        if isinstance(other, Series):
-            return Series(self.dot, lambda k: self.convolved(self.upto(k), other.upto(k)))
-        return Series(self.dot, lambda k: self[k] * other)
+    def __mul__(self, other: Any) -> PowerSeries:
+        if isinstance(other, PowerSeries):
+            return PowerSeries(self.dot, lambda k: self.convolved(self.upto(k), other.upto(k)))
+        return PowerSeries(self.dot, lambda k: self[k] * other)
 
-    def __truediv__(self, other: Any) -> Series:
+    def __truediv__(self, other: Any) -> PowerSeries:
         """The quotient q = a/b from b q = a: q_k = (a_k − Σ_{i<k} q_i b_{k−i})/b_0."""
-        if not isinstance(other, Series):
-            return Series(self.dot, lambda k: self[k] / other)
+        if not isinstance(other, PowerSeries):
+            return PowerSeries(self.dot, lambda k: self[k] / other)
 
         def rule(k: int) -> Number:
             rest = self.convolved(quotient.upto(k - 1), other.upto(k)[1:]) if k else 0
             return (self[k] - rest) / other[0]
 
-        quotient = Series(self.dot, rule)
+        quotient = PowerSeries(self.dot, rule)
         return quotient
 
-    def __rtruediv__(self, other: Any) -> Series:
-        return Series(self.dot, lambda k: 0 * self[0] if k else 0 * self[0] + other) / self
+    def __rtruediv__(self, other: Any) -> PowerSeries:
+        return PowerSeries(self.dot, lambda k: 0 * self[0] if k else 0 * self[0] + other) / self
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -78,7 +78,7 @@ class Series:
         return self.dot(a, reversed(b))
 
 
-def _derivative(a: Series, k: int) -> Vector:
+def _derivative(a: PowerSeries, k: int) -> Vector:
     """The coefficients [1 a_1, …, k a_k] of t a′(t)."""
     return [i * v for i, v in enumerate(a.upto(k)) if i]
 
@@ -88,7 +88,7 @@ def series_over(base: Arithmetic) -> Arithmetic:
     constants remain numbers of `base`.
     """
 
-    def sine_and_cosine(x: Series) -> tuple[Series, Series]:
+    def sine_and_cosine(x: PowerSeries) -> tuple[PowerSeries, PowerSeries]:
         """Sine s and cosine c of a series x, by k s_k = Σ i x_i c_{k−i} and k c_k = −Σ i x_i
         s_{k−i}.
         """
@@ -99,13 +99,13 @@ def series_over(base: Arithmetic) -> Arithmetic:
         def cosine_rule(k: int) -> Number:
             return -x.convolved(_derivative(x, k), sine.upto(k - 1)) / k if k else base.cos(x[0])
 
-        sine, cosine = Series(base.dot, sine_rule), Series(base.dot, cosine_rule)
+        sine, cosine = PowerSeries(base.dot, sine_rule), PowerSeries(base.dot, cosine_rule)
         return sine, cosine
 
-    def log(x: Series) -> Series:
+    def log(x: PowerSeries) -> PowerSeries:
         """The logarithm l of a series x, from x l′ = x′, coefficient by coefficient."""
-        slope = Series(base.dot, lambda k: (k + 1) * x[k + 1]) / x
-        return Series(base.dot, lambda k: slope[k - 1] / k if k else base.log(x[0]))
+        slope = PowerSeries(base.dot, lambda k: (k + 1) * x[k + 1]) / x
+        return PowerSeries(base.dot, lambda k: slope[k - 1] / k if k else base.log(x[0]))
 
     return replace(
         base,
@@ -121,7 +121,7 @@ def solution_series(data: Description, base: Arithmetic, y0: Vector, order: int)
     = y0.
     """
     problem = in_arithmetic(data, series_over(base))
-    y = [Series(base.dot, _unknown, [v]) for v in y0]
+    y = [PowerSeries(base.dot, _unknown, [v]) for v in y0]
     f = problem.field(y)
     for k in range(order):
         following = [_coefficient(component, k) / (k + 1) for component in f]
@@ -132,7 +132,7 @@ def solution_series(data: Description, base: Arithmetic, y0: Vector, order: int)
 
 def _coefficient(a: Any, k: int) -> Number:
     """The coefficient a_k of a series or of a number, which is a constant series."""
-    return a[k] if isinstance(a, Series) else a if k == 0 else 0 * a
+    return a[k] if isinstance(a, PowerSeries) else a if k == 0 else 0 * a
 
 
 def _unknown(k: int) -> Number:

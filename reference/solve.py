@@ -34,7 +34,7 @@ class Failure(NamedTuple):
     reason: str
 
 
-class Root(NamedTuple):
+class CertifiedRoot(NamedTuple):
     """A root x with residual(x) = 0 to the requested digits, and (∂residual/∂x)⁻¹ there,
     to about 15 digits.
     """
@@ -100,7 +100,7 @@ def newton(
     arithmetic: Arithmetic,
     tolerance: float,
     most: int = _NEWTON,
-) -> Root | Failure:
+) -> CertifiedRoot | Failure:
     """The root that Newton's iteration finds from x, or a Failure.
 
     The iteration ends at a correction of at most tolerance · scale. A correction that leaves the
@@ -117,7 +117,7 @@ def newton(
             if not moved < math.inf:
                 return Failure(best, n, "overflow")
             if moved <= goal:
-                return Root([v - c for v, c in zip(x, correction, strict=True)], inverted, n)
+                return CertifiedRoot([v - c for v, c in zip(x, correction, strict=True)], inverted, n)
             damping = 1.0
             while True:
                 tried = [v - damping * c for v, c in zip(x, correction, strict=True)]
@@ -136,7 +136,9 @@ def newton(
     return Failure(best, most, "no convergence")
 
 
-def refine(residual: Residual, root: Root, scale: Number, ctx: Any, digits: int) -> Root | Failure:
+def refine(
+    residual: Residual, root: CertifiedRoot, scale: Number, ctx: Any, digits: int
+) -> CertifiedRoot | Failure:
     """Refine a root to 10^−digits of the scale, by the chord iteration with the root's inverse
     Jacobian.
 
@@ -161,7 +163,7 @@ def refine(residual: Residual, root: Root, scale: Number, ctx: Any, digits: int)
         x = [v - c for v, c in zip(x, correction, strict=True)]
         previous, moved = moved, largest(correction)
         if not moved or (n > 1 and moved * moved <= goal * previous):
-            return Root(x, inverted, n)
+            return CertifiedRoot(x, inverted, n)
         if not moved < previous / 2:
             break
     return Failure(float(largest(value)), n, "no convergence in extended precision")

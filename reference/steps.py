@@ -12,10 +12,10 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from sepv.reference.arithmetic import Vector, total
-from sepv.reference.branch import Branch, follow
+from sepv.reference.branch import BranchEnd, follow
 from sepv.reference.equations import EQUATIONS, FEWEST_NODES, Equation, Step, collocation, make_step
 from sepv.reference.problem import Description, ExactProblem, binary64_problem, exact_problem
-from sepv.reference.solve import BROKEN, Failure, Matrix, Root, largest, newton, refine
+from sepv.reference.solve import BROKEN, CertifiedRoot, Failure, Matrix, largest, newton, refine
 
 from sepv.errors import StepFailure, UsageError
 from sepv.problem import GivenProblem
@@ -25,7 +25,7 @@ GUARD = 15
 MOST_DIGITS = 2000
 # Numbers of quadrature nodes for methods with stages if H is not a polynomial, tried until two
 # results agree.
-_NODES = (FEWEST_NODES, 36, 54, 81, 122, 183, 275)
+_TRIED_NODES = (FEWEST_NODES, 36, 54, 81, 122, 183, 275)
 
 
 class ReferenceStep(NamedTuple):
@@ -92,7 +92,7 @@ def step_condition(
         # digits.
         root = _guess(equation, data, y, h, dW, scale, None)
         y0, step = problem.state(y), make_step(problem, h, dW)
-        if isinstance(root, Root) and problem.inside(equation.result(problem, y0, step, root.x)):
+        if isinstance(root, CertifiedRoot) and problem.inside(equation.result(problem, y0, step, root.x)):
             return _condition(equation, problem, root.inverse)
     return reference_step(equation, data, y, h, dW, 20).condition
 
@@ -147,18 +147,18 @@ def reference_step(
             remedy="start inside it",
         )
     if equation.blocks > 1 and exact.degree is None and not equation.nodes:
-        equation = _with_nodes(equation, _NODES[0])
+        equation = _with_nodes(equation, _TRIED_NODES[0])
     if equation.residual is None:
         return ReferenceStep(equation.result(exact, y0, step, []), _identity(len(y0)), [], equation)
     scale = largest(y0) or largest(exact.field(y0)) * abs(step.delta) or exact.number(1.0)
     root = _guess(equation, data, y, h, dW, float(scale), start)
-    if isinstance(root, Root):
+    if isinstance(root, CertifiedRoot):
         root = refine(_bound(equation, exact, y0, step), root, scale, exact.ctx, digits + 5)
     if isinstance(root, Failure):
         root = _in_digits(equation, exact, y0, step, scale, digits, start)
-    if isinstance(root, Root) and equation.nodes:
+    if isinstance(root, CertifiedRoot) and equation.nodes:
         equation, root = _enough_nodes(equation, exact, y0, step, scale, digits, root)
-    if isinstance(root, Root) and not exact.inside(equation.result(exact, y0, step, root.x)):
+    if isinstance(root, CertifiedRoot) and not exact.inside(equation.result(exact, y0, step, root.x)):
         root = Failure(0.0, root.iterations, "only a solution outside the domain was found")
     if isinstance(root, Failure):
         # Newton's iteration from y failed or left the domain. The branch of solutions from y may
@@ -181,14 +181,14 @@ def reference_step(
 
 def _branch(
     equation: Equation, data: Description, y: Sequence[float], h: float, dW: Sequence[float]
-) -> Branch | None:
+) -> BranchEnd | None:
     try:
         return follow(equation, data, y, h, dW)
     except BROKEN:
         return None
 
 
-def _where_it_ends(branch: Branch, delta: float) -> str:
+def _where_it_ends(branch: BranchEnd, delta: float) -> str:
     end = f"{branch.reached * delta:.10g}"
     return f" (the solutions that start at y end at Δ = {end}, at a fold or at the edge of the domain)"
 
@@ -222,7 +222,7 @@ def _guess(
     dW: Sequence[float],
     scale: float,
     start: Vector | None,
-) -> Root | Failure:
+) -> CertifiedRoot | Failure:
     """The root in binary64, from which the search in mpmath starts;
     a Failure if binary64 cannot hold the root.
     """
@@ -243,13 +243,15 @@ def _in_digits(
     scale: Any,
     digits: int,
     start: Vector | None,
-) -> Root | Failure:
+) -> CertifiedRoot | Failure:
     """The root of the equation by mpmath alone, for a root beyond the exponents of binary64."""
     residual = _bound(equation, exact, y0, step)
     try:
         first = [exact.ctx.mpf(v) for v in start] if start else _start(equation, exact, y0, step)
         root = newton(residual, first, scale, exact.arithmetic, 1e-14)
-        return refine(residual, root, scale, exact.ctx, digits + 5) if isinstance(root, Root) else root
+        return (
+            refine(residual, root, scale, exact.ctx, digits + 5) if isinstance(root, CertifiedRoot) else root
+        )
     except BROKEN as error:
         return Failure(float("inf"), 0, str(error))
 
@@ -260,13 +262,19 @@ def _with_nodes(equation: Equation, nodes: int) -> Equation:
 
 
 def _enough_nodes(
-    equation: Equation, exact: ExactProblem, y0: Vector, step: Step, scale: Any, digits: int, root: Root
-) -> tuple[Equation, Root | Failure]:
+    equation: Equation,
+    exact: ExactProblem,
+    y0: Vector,
+    step: Step,
+    scale: Any,
+    digits: int,
+    root: CertifiedRoot,
+) -> tuple[Equation, CertifiedRoot | Failure]:
     """Add quadrature nodes until two rules give the same root;
     return the equation with the last rule, and its root.
     """
     goal = scale * exact.ctx.mpf(10) ** (-digits - 3)
-    for nodes in _NODES[1:]:
+    for nodes in _TRIED_NODES[1:]:
         finer = _with_nodes(equation, nodes)
         better = refine(_bound(finer, exact, y0, step), root, scale, exact.ctx, digits + 5)
         if isinstance(better, Failure):
@@ -274,7 +282,7 @@ def _enough_nodes(
         if largest([a - b for a, b in zip(better.x, root.x, strict=True)]) <= goal:
             return finer, better
         root = better
-    return equation, Failure(float("nan"), len(_NODES), "the quadrature of ∇H does not settle")
+    return equation, Failure(float("nan"), len(_TRIED_NODES), "the quadrature of ∇H does not settle")
 
 
 def _identity(d: int) -> list[list[float]]:

@@ -20,15 +20,27 @@ from sepv._arguments import hex_float, parse_json
 from sepv.errors import UsageError
 from sepv.problem import problem_from_json, problem_to_json
 
-FOLDER = Path(__file__).parent / "vectors"
-FORMAT = "sepv-vectors-1"
+VECTOR_FOLDER = Path(__file__).parent / "vectors"
+VECTOR_FORMAT = "sepv-vectors-1"
 FLOW = "exact-flow"
-DIGITS = 50
+VECTOR_DIGITS = 50
 # A solver may refuse a case that has one of these flags, but it may not return a wrong result for
 # it.
 HARD = frozenset({"large-step", "near-fold", "subnormal", "huge", "overflow"})
 
-_KEYS = {"id", "hash", "problem", "y", "y1", "y1_hex", "condition", "rounding", "flags", "proof", "note"}
+_VECTOR_KEYS = {
+    "id",
+    "hash",
+    "problem",
+    "y",
+    "y1",
+    "y1_hex",
+    "condition",
+    "rounding",
+    "flags",
+    "proof",
+    "note",
+}
 _REMEDY = "install sepv again; in a checkout, `git restore` brings back the file"
 
 
@@ -111,13 +123,13 @@ def digest(data: dict[str, Any]) -> str:
     return hashlib.sha256(text.encode("ascii")).hexdigest()[:16]
 
 
-def schemes_with_vectors(folder: Path = FOLDER) -> list[str]:
+def schemes_with_vectors(folder: Path = VECTOR_FOLDER) -> list[str]:
     """The names of the schemes that have a file of vectors."""
     return sorted(p.stem for p in folder.glob("*.json") if not p.stem.endswith(".schema"))
 
 
 @lru_cache(maxsize=64)
-def load(scheme: str, folder: Path = FOLDER) -> tuple[ReferenceVector, ...]:
+def load(scheme: str, folder: Path = VECTOR_FOLDER) -> tuple[ReferenceVector, ...]:
     """The test vectors of one scheme, after a check of format, keys, hashes and ids.
 
     Raises
@@ -135,12 +147,12 @@ def load(scheme: str, folder: Path = FOLDER) -> tuple[ReferenceVector, ...]:
             received=f"{path}: {error}",
             remedy=_REMEDY,
         ) from error
-    if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("scheme") != scheme:
+    if not isinstance(data, dict) or data.get("format") != VECTOR_FORMAT or data.get("scheme") != scheme:
         loaded = (
             {k: data.get(k) for k in ("format", "scheme")} if isinstance(data, dict) else type(data).__name__
         )
         raise UsageError(
-            expected=f'{path} with "format": "{FORMAT}" and "scheme": "{scheme}"',
+            expected=f'{path} with "format": "{VECTOR_FORMAT}" and "scheme": "{scheme}"',
             received=f"{loaded}",
             remedy=_REMEDY,
         )
@@ -157,7 +169,7 @@ def load(scheme: str, folder: Path = FOLDER) -> tuple[ReferenceVector, ...]:
 
 
 def _from_json(scheme: str, case: Any, path: Path) -> ReferenceVector:
-    keys = _KEYS | ({"theta"} if scheme == FLOW else {"h", "dW"})
+    keys = _VECTOR_KEYS | ({"theta"} if scheme == FLOW else {"h", "dW"})
     name = case.get("id") if isinstance(case, dict) else None
     if not isinstance(case, dict) or set(case) != keys:
         odd = sorted(set(case) ^ keys) if isinstance(case, dict) else type(case).__name__

@@ -20,12 +20,14 @@ from numpy.typing import NDArray
 
 from sepv.errors import UsageError
 
+# The longest time limit in seconds, thirty years, because system clocks count no further.
+MAX_SECONDS = 1e9
 _HEX = re.compile(
     r"[+-]?(0x[0-9a-f]+(\.[0-9a-f]*)?(p[+-]?[0-9]{1,9})?|nan|inf|infinity)", re.IGNORECASE
 ).fullmatch
-_KINDS = {"c": "complex numbers", "U": "text", "S": "text"}
+_WORDS_OF_KINDS = {"c": "complex numbers", "U": "text", "S": "text"}
 # The largest number of characters of a value that a message quotes.
-_SHOWN = 60
+_QUOTED_MAX_CHARACTERS = 60
 
 
 def floats(what: str, value: Any) -> NDArray[np.float64]:
@@ -38,7 +40,7 @@ def floats(what: str, value: Any) -> NDArray[np.float64]:
             if any(v is None or isinstance(v, (str, bytes)) for v in array.flat):
                 raise TypeError("None or text among them")
         elif array.dtype.kind not in "fiub":
-            raise TypeError(f"{_KINDS.get(array.dtype.kind, array.dtype)}")
+            raise TypeError(f"{_WORDS_OF_KINDS.get(array.dtype.kind, array.dtype)}")
         return array.astype(np.float64, copy=False)
     except (TypeError, ValueError) as error:
         raise UsageError(
@@ -120,7 +122,7 @@ def _refuse(constant: str) -> None:
 def _finite(word: str, kind: type[Any]) -> Any:
     """Convert the text of a JSON number; a ValueError for a number beyond binary64."""
     if not math.isfinite(float(word)):
-        raise ValueError(f"{word:.{_SHOWN}} is beyond binary64")
+        raise ValueError(f"{word:.{_QUOTED_MAX_CHARACTERS}} is beyond binary64")
     return kind(word)
 
 
@@ -129,7 +131,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(record) < len(pairs):
         keys = [key for key, _ in pairs]
         twice = next(key for key in keys if keys.count(key) > 1)
-        raise ValueError(f"the key {twice!r:.{_SHOWN}} stands twice in one object")
+        raise ValueError(f"the key {twice!r:.{_QUOTED_MAX_CHARACTERS}} stands twice in one object")
     return record
 
 
@@ -138,7 +140,9 @@ def hex_float(text: Any) -> float:
     a ValueError for any other text.
     """
     if not isinstance(text, str) or not _HEX(text):
-        raise ValueError(f'{text!r:.{_SHOWN}} is no hex float in a string, such as "0x1.8p+1" for 3')
+        raise ValueError(
+            f'{text!r:.{_QUOTED_MAX_CHARACTERS}} is no hex float in a string, such as "0x1.8p+1" for 3'
+        )
     try:
         return float.fromhex(text)
     except OverflowError:
@@ -162,8 +166,11 @@ def double(value: Any) -> float:
         number = math.inf
     except ValueError:
         raise ValueError(
-            f'{value!r:.{_SHOWN}} is neither a JSON number such as 0.5 nor a hex float with 0x, such as "0x1p-1"'
+            f"{value!r:.{_QUOTED_MAX_CHARACTERS}} is neither a JSON number such as 0.5 "
+            'nor a hex float with 0x, such as "0x1p-1"'
         ) from None
     if not math.isfinite(number):
-        raise ValueError(f"{value!r:.{_SHOWN}} is not finite, or beyond the largest binary64 number")
+        raise ValueError(
+            f"{value!r:.{_QUOTED_MAX_CHARACTERS}} is not finite, or beyond the largest binary64 number"
+        )
     return number

@@ -81,16 +81,16 @@ def kept(kind: str, most: int | None = None) -> Kept:
     """The store of results of one kind, of which the last `most` are written;
     the same object at each call.
     """
-    _KINDS.append(found := Kept(kind, most))
+    _KEPT_TABLES.append(found := Kept(kind, most))
     return found
 
 
-_KINDS: list[Kept] = []
+_KEPT_TABLES: list[Kept] = []
 
 
 def save_all() -> None:
     """Write the results of all kinds that have new ones."""
-    for own in _KINDS:
+    for own in _KEPT_TABLES:
         own.save()
 
 

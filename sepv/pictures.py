@@ -27,9 +27,9 @@ from sepv.schemes import Look
 SUFFIXES = (".svg", ".png", ".pdf")
 # Colours of lines that are not a scheme's: a reference, slopes, the grid.
 REFERENCE = Look("#333333", "#DDDDDD", "", "1 2")
-GUIDE, GRID, SOFT, TEXT = "#6e7781", "#e3e7eb", "#57606a", "#1b1f24"
+GUIDE_COLOUR, GRID_COLOUR, SOFT_COLOUR, TEXT_COLOUR = "#6e7781", "#e3e7eb", "#57606a", "#1b1f24"
 # A defect of exactly zero has no logarithm, so it is drawn at half an ulp of 1.
-FLOOR = 1.1e-16
+DRAWN_ZERO = 1.1e-16
 # Colours (light, dark) and markers for schemes without a look: 77 pairs, because 7 and 11 have no
 # common divisor.
 _COLOURS = (
@@ -45,10 +45,10 @@ _AGAIN = (("9 4", "x"), ("1 2", "|"), ("9 2 1 2", "_"))
 STYLE = {
     "font.size": 9,
     "axes.linewidth": 0.6,
-    "axes.edgecolor": SOFT,
+    "axes.edgecolor": SOFT_COLOUR,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "grid.color": GRID,
+    "grid.color": GRID_COLOUR,
     "grid.linewidth": 0.8,
     "axes.axisbelow": True,
     "lines.scale_dashes": False,
@@ -91,6 +91,9 @@ class Axis:
 
     label: str
     log: bool = False
+
+
+TIME_AXIS = Axis("time t")
 
 
 def looks(names: Iterable[str], own_looks: Mapping[str, Look] | None = None) -> dict[str, Look]:
@@ -336,10 +339,10 @@ def _slopes(axes: Any, points: Sequence[tuple[np.ndarray, ...]], slopes: Sequenc
     ends = np.array([x.min(), x.max()])
     for slope in slopes:
         drawn = 0.5 * y.min() * (ends / ends[0]) ** slope
-        axes.plot(ends, drawn, color=GUIDE, linestyle=(0, (5, 4)), linewidth=0.8, zorder=1)
+        axes.plot(ends, drawn, color=GUIDE_COLOUR, linestyle=(0, (5, 4)), linewidth=0.8, zorder=1)
         axes.annotate(
             "slope ½" if slope == 0.5 else f"slope {slope:g}", (ends[1], drawn[1]),
-            textcoords="offset points", xytext=(3, 0), ha="left", va="center", color=SOFT,
+            textcoords="offset points", xytext=(3, 0), ha="left", va="center", color=SOFT_COLOUR,
         )  # fmt: skip
 
 

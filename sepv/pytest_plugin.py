@@ -29,7 +29,7 @@ from sepv.verification import Expectations
 # properties.
 _FINDINGS = pytest.StashKey[list[dict[str, str]]]()
 _RUNS = pytest.StashKey[dict[tuple[str, Effort], Run]]()
-_KEYS = ("sepv_scheme", "sepv_law", "sepv_verdict", "sepv_claimed", "sepv_name")
+_PROPERTY_KEYS = ("sepv_scheme", "sepv_law", "sepv_verdict", "sepv_claimed", "sepv_name")
 _EFFORT = pytest.StashKey[Effort]()
 _EXPECTED = pytest.StashKey[Expectations]()
 
@@ -213,7 +213,7 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
         given = pyfuncitem.callspec.params if hasattr(pyfuncitem, "callspec") else {}
         name = getattr(given.get("scheme"), "name", target)
         row = (target, finding.law, finding.verdict.text, "yes" if finding.claimed else "no", name)
-        pyfuncitem.user_properties.extend(zip(_KEYS, row, strict=True))
+        pyfuncitem.user_properties.extend(zip(_PROPERTY_KEYS, row, strict=True))
         twin = _twin(pyfuncitem.config)
         _conclude(finding, target + (twin.options if twin else ""), listed.claims)
     return result
@@ -247,7 +247,7 @@ class _Collector:
         self.config = config
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        row = {key: str(value) for key, value in report.user_properties if key in _KEYS}
+        row = {key: str(value) for key, value in report.user_properties if key in _PROPERTY_KEYS}
         if report.when == "call" and row:
             self.config.stash[_FINDINGS].append(row)
 

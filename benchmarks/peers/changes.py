@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
 
-from benchmarks.peers.records import Record
+from benchmarks.peers.records import ReleaseRecord
 from sepv.files import finite
 from sepv.law import Verdict
 
@@ -18,7 +18,7 @@ ABSENT, THERE = "absent", "there"
 
 
 @dataclass(frozen=True)
-class Change:
+class VerdictChange:
     """A verdict that differs from that in the record before."""
 
     library: str
@@ -31,23 +31,23 @@ class Change:
     besides: tuple[str, ...]  # what else changed and may be the reason: the suite, packages, Python
 
 
-def latest(records: Sequence[Record]) -> list[Record]:
+def latest(records: Sequence[ReleaseRecord]) -> list[ReleaseRecord]:
     """The last record of each version, in the order of the versions."""
     return list({record.version: record for record in records}.values())
 
 
-def changes(records: Sequence[Record]) -> list[Change]:
+def changes(records: Sequence[ReleaseRecord]) -> list[VerdictChange]:
     """The changed verdicts between each record of a library and the record before it."""
     return [change for before, after in pairwise(records) for change in _between(before, after)]
 
 
-def _between(before: Record, after: Record) -> Iterator[Change]:
+def _between(before: ReleaseRecord, after: ReleaseRecord) -> Iterator[VerdictChange]:
     besides = tuple(_besides(before, after))
     old, new = before.solvers, after.solvers
     for name in dict.fromkeys((*old, *new)):
 
-        def change(law: str, was: str, now: str, name: str = name) -> Change:
-            return Change(after.library, name, law, before.version, after.version, was, now, besides)
+        def change(law: str, was: str, now: str, name: str = name) -> VerdictChange:
+            return VerdictChange(after.library, name, law, before.version, after.version, was, now, besides)
 
         if name not in old:
             yield change("", ABSENT, THERE)
@@ -60,7 +60,7 @@ def _between(before: Record, after: Record) -> Iterator[Change]:
                     yield change(law, was["verdict"], said["verdict"])
 
 
-def _besides(before: Record, after: Record) -> Iterator[str]:
+def _besides(before: ReleaseRecord, after: ReleaseRecord) -> Iterator[str]:
     """The differences between two records other than the library itself,
     such as versions of other packages.
     """
@@ -86,7 +86,7 @@ def broken(entry: dict[str, Any]) -> dict[str, list[str]]:
     return found
 
 
-def cell(record: Record, solver: str) -> str:
+def cell(record: ReleaseRecord, solver: str) -> str:
     """The text of the table's cell for one solver and version."""
     entry = record.solvers.get(solver)
     if entry is None:
@@ -95,7 +95,7 @@ def cell(record: Record, solver: str) -> str:
 
 
 @dataclass(frozen=True)
-class Deviation:
+class DeviatingVersions:
     """A script about a deviation: the versions that have the deviation,
     and the version that mended it.
     """
@@ -107,8 +107,8 @@ class Deviation:
     mended: str  # the first version without the deviation after the last with it; empty if there is none
 
 
-def deviations(records: Sequence[Record]) -> list[Deviation]:
-    """The `Deviation` of each script, from the last record of each version."""
+def deviations(records: Sequence[ReleaseRecord]) -> list[DeviatingVersions]:
+    """The `DeviatingVersions` of each script, from the last record of each version."""
     titles: dict[str, str] = {}
     states: dict[str, list[tuple[str, bool | None]]] = {}
     for record in latest(records):
@@ -118,7 +118,7 @@ def deviations(records: Sequence[Record]) -> list[Deviation]:
     shown = []
     for name, found in states.items():
         seen = tuple(version for version, deviates in found if deviates)
-        shown.append(Deviation(records[0].library, name, titles[name], seen, _mended(found)))
+        shown.append(DeviatingVersions(records[0].library, name, titles[name], seen, _mended(found)))
     return shown
 
 
@@ -130,7 +130,7 @@ def _mended(found: Sequence[tuple[str, bool | None]]) -> str:
     return next((version for version, deviates in found[last:] if deviates is False), "")
 
 
-def to_json(found: dict[str, list[Record]]) -> dict[str, Any]:
+def to_json(found: dict[str, list[ReleaseRecord]]) -> dict[str, Any]:
     """The content of the page as JSON for another program: by library the versions, cells,
     changes and deviations.
     """
@@ -147,7 +147,7 @@ def to_json(found: dict[str, list[Record]]) -> dict[str, Any]:
     }
 
 
-def solvers(records: Sequence[Record]) -> list[str]:
+def solvers(records: Sequence[ReleaseRecord]) -> list[str]:
     """The names of all solvers: first those of the last version, then those that it no longer
     has.
     """

@@ -31,28 +31,28 @@ from benchmarks.peers.deviations import Deviation, deviations_shown_by
 from benchmarks.peers.kept_measurements import Cell, measured
 from benchmarks.peers.options import measuring, page_options, put
 from sepv import __version__, problems
-from sepv.console import Shown, markdown
+from sepv.console import ShownProgress, markdown
 from sepv.errors import TargetError
 from sepv.law import Effort, Verdict, energy_ulp
 from sepv.peers.peer import load
 from sepv.problem import Problem
 from sepv.schemes import Scheme, energy_preserving
 from sepv.simulate import ensemble
-from sepv.verification import LAWS, MARKS, load_laws
+from sepv.verification import LAWS, VERDICT_MARKS, load_laws
 
-COMMAND = "python -m benchmarks.peers.compliance"
+COMPLIANCE_COMMAND = "python -m benchmarks.peers.compliance"
 # The numbers of paths and steps for energy defects.
-PATHS = 256
+DEFECT_PATHS = 256
 ENERGY_STEPS = 64
 # The columns of `kept`, and a sentence about the laws that these columns do not name.
-KEPT = ("claimed laws that hold", "other laws that hold")
+KEPT_COLUMNS = ("claimed laws that hold", "other laws that hold")
 UNNAMED = (
     "A measured law missing from a line is not claimed, and is violated, inconclusive or not applicable."
 )
 LESS = "† The solver does less than documented, as [scripts without sepv](deviations.md) show."
-HOLDS = MARKS[Verdict.HOLDS]
+HOLDS = VERDICT_MARKS[Verdict.HOLDS]
 # Words that replace marks.
-WORDS = {MARKS[Verdict.VIOLATED]: "violated", MARKS[Verdict.INCONCLUSIVE]: "open"}
+WORD_OF_MARK = {VERDICT_MARKS[Verdict.VIOLATED]: "violated", VERDICT_MARKS[Verdict.INCONCLUSIVE]: "open"}
 
 
 def schemes_of(libraries: Sequence[str]) -> list[tuple[str, Scheme]]:
@@ -67,14 +67,14 @@ def schemes_of(libraries: Sequence[str]) -> list[tuple[str, Scheme]]:
 
 
 def energies(
-    jobs: Sequence[tuple[str, Scheme]], effort: Effort, folder: Path | None, shown: Shown
+    jobs: Sequence[tuple[str, Scheme]], effort: Effort, folder: Path | None, shown: ShownProgress
 ) -> dict[str, tuple[str, ...]]:
     """The largest energy defects of each scheme in energy ulps, for each of `SETUPS`."""
     cells = [
         Cell(
             solver.name,
             f"energy defect, {setup.problem}",
-            (release(library), *suite_key(effort), setup.T, PATHS, ENERGY_STEPS),
+            (release(library), *suite_key(effort), setup.T, DEFECT_PATHS, ENERGY_STEPS),
             partial(_energy, solver, problems.by_name(setup.problem), setup.T),
         )
         for library, solver in jobs
@@ -89,7 +89,7 @@ def _energy(solver: Scheme, problem: Problem, T: float) -> str:
     """The largest defect in energy ulps, or how many paths failed."""
     h, start = T / ENERGY_STEPS, np.array(problem.initial, dtype=np.float64)
     with np.errstate(over="ignore", invalid="ignore"):
-        result = ensemble(solver, problem, h=h, T=T, paths=PATHS, engine="numpy")
+        result = ensemble(solver, problem, h=h, T=T, paths=DEFECT_PATHS, engine="numpy")
         failed, defects = result.status != 0, result.energy_defect
     if failed.any():
         return f"{np.count_nonzero(failed)} paths failed"
@@ -153,7 +153,7 @@ def _energy_defects(found: Sequence[Row], energy: Mapping[str, Sequence[str]]) -
             "; ".join([f"- {setup.problem}: {own.name} {energy[own.scheme.name][at]}", *span, *failed])
         )
     text = (
-        f"The largest |H(y_n) − H(y_0)| of {PATHS} paths over [0, 1] with {ENERGY_STEPS} steps, in units of "
+        f"The largest |H(y_n) − H(y_0)| of {DEFECT_PATHS} paths over [0, 1] with {ENERGY_STEPS} steps, in units of "
         "eps·|∇H|·|y|:"
     )
     return "\n".join([text, "", *lines])
@@ -164,7 +164,7 @@ def kept(verdicts: Mapping[str, str]) -> tuple[str, str]:
     and the other laws that hold.
     """
     claimed = {law: mark.removesuffix(" +") for law, mark in verdicts.items() if mark.endswith("+")}
-    failed = [f"{law} {WORDS.get(mark, mark)}" for law, mark in claimed.items() if mark != HOLDS]
+    failed = [f"{law} {WORD_OF_MARK.get(mark, mark)}" for law, mark in claimed.items() if mark != HOLDS]
     held = [law for law, mark in verdicts.items() if mark == HOLDS]
     return "; ".join([f"{len(claimed) - len(failed)} of {len(claimed)}", *failed]), ", ".join(held)
 
@@ -179,7 +179,7 @@ def _laws(found: Sequence[Row], contradicted: Collection[str]) -> str:
     lines = [(_listed(names), *kept(dict(verdicts))) for verdicts, names in groups.items()]
     missing = f"Not measured: {', '.join(left_out) or 'none'}."
     caption = f"{missing} {UNNAMED}"
-    return f"{caption}\n\n{markdown(('solvers', *KEPT), lines)}"
+    return f"{caption}\n\n{markdown(('solvers', *KEPT_COLUMNS), lines)}"
 
 
 def _notes(scheme: Scheme, findings: Mapping[str, Any]) -> Iterator[str]:
@@ -236,7 +236,12 @@ def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: 
         found, energy = rows(jobs, load_laws(), effort, keep, line), energies(jobs, effort, keep, line)
         line.update("the scripts that show deviations", 1.0)
         shown = deviations_shown_by(out.parent / "peers", LIBRARIES) if out else []
-    put(out, lambda arguments: document(found, energy, shown, f"{COMMAND}{arguments}"), libraries, seed)
+    put(
+        out,
+        lambda arguments: document(found, energy, shown, f"{COMPLIANCE_COMMAND}{arguments}"),
+        libraries,
+        seed,
+    )
 
 
 if __name__ == "__main__":

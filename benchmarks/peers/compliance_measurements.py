@@ -19,11 +19,11 @@ from sepv.properties import setups
 from benchmarks.peers.environments import VERSIONS
 from benchmarks.peers.kept_measurements import Cell, measured
 from sepv import __version__
-from sepv.console import Shown
+from sepv.console import ShownProgress
 from sepv.law import Effort, Law, Verdict
 from sepv.peers.peer import load
 from sepv.schemes import Scheme, page_of
-from sepv.verification import MARKS, verify
+from sepv.verification import VERDICT_MARKS, verify
 
 LIBRARIES = tuple(VERSIONS)
 # The setups on which schemes with untruncated increments are judged: all solvers here have such
@@ -52,12 +52,17 @@ class Row:
     def marks(self) -> dict[str, str]:
         """The mark of each law's verdict, with a + if the law is claimed."""
         return {
-            law: MARKS[Verdict(f["verdict"])] + " +" * bool(f["claimed"]) for law, f in self.found.items()
+            law: VERDICT_MARKS[Verdict(f["verdict"])] + " +" * bool(f["claimed"])
+            for law, f in self.found.items()
         }
 
 
 def rows(
-    jobs: Sequence[tuple[str, Scheme]], laws: Sequence[Law], effort: Effort, folder: Path | None, shown: Shown
+    jobs: Sequence[tuple[str, Scheme]],
+    laws: Sequence[Law],
+    effort: Effort,
+    folder: Path | None,
+    shown: ShownProgress,
 ) -> list[Row]:
     """The row of each scheme, which stands behind the name of its library."""
     cells = [cell for library, scheme in jobs for cell in law_cells(library, scheme, laws, effort)]

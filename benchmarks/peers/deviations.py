@@ -28,7 +28,7 @@ import click
 from sepv.errors import UsageError
 from sepv.files import write_atomically
 
-COMMAND = "python -m benchmarks.peers.deviations --out docs"
+DEVIATIONS_COMMAND = "python -m benchmarks.peers.deviations --out docs"
 # Libraries with solvers of stochastic equations. All other libraries have integrators without
 # noise.
 STOCHASTIC = ("diffrax", "sdeint", "torchsde")
@@ -43,7 +43,7 @@ class Note(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Shown:
+class ScriptResult:
     """The result of a script that shows a deviation: its output and exit code."""
 
     name: str  # of the script's file
@@ -67,7 +67,7 @@ class Shown:
         return None if self.code not in (0, 1) or "Traceback" in self.errors else self.code == 1
 
 
-def shown_by(folder: Path, libraries: Collection[str] = ()) -> Iterator[Shown]:
+def shown_by(folder: Path, libraries: Collection[str] = ()) -> Iterator[ScriptResult]:
     """Run each script of the folder, or each about one of these libraries, in a process of its own.
 
     Raise a UsageError for a script that does not quote the library's own notes.
@@ -81,7 +81,7 @@ def shown_by(folder: Path, libraries: Collection[str] = ()) -> Iterator[Shown]:
         notes = _notes(script.name, tree)
         done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False)
         body = rest.split("Exit code 1")[0].strip()
-        yield Shown(script.name, title, body, notes, done.returncode, done.stdout.strip(), done.stderr)
+        yield ScriptResult(script.name, title, body, notes, done.returncode, done.stdout.strip(), done.stderr)
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def deviations_shown_by(folder: Path, libraries: Collection[str] = ()) -> list[D
     return found
 
 
-def section(script: Shown, folder: str) -> str:
+def section(script: ScriptResult, folder: str) -> str:
     """The section of the page on one deviation: quotations from the library, then the
     measurement.
     """
@@ -130,7 +130,7 @@ def document(page: str, deviations: Sequence[Deviation]) -> str:
     """One of the two pages, in Markdown."""
     head = (
         "Each section quotes a library, and shows the output of a script without sepv. README, docstrings, source "
-        f"and issues were read. Made by `{COMMAND}`."
+        f"and issues were read. Made by `{DEVIATIONS_COMMAND}`."
     )
     sections = [d.text.removeprefix("#") for d in deviations if d.page == page]
     return "\n\n".join([TITLES[page], head, *sections]) + "\n"

@@ -8,11 +8,10 @@ import re
 import subprocess
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
+from benchmarks import ROOT
 from sepv.errors import SepvError
 
-ROOT = Path(__file__).resolve().parents[2]
 # Addresses and names of hosts, which are left out of messages, because they are the user's own.
 _ADDRESS = re.compile(r"\w+://\S+|host='[^']*'")
 

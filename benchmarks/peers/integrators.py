@@ -15,7 +15,7 @@ from pathlib import Path
 
 import click
 
-from benchmarks.peers.compliance import KEPT, UNNAMED, _listed, kept
+from benchmarks.peers.compliance import KEPT_COLUMNS, UNNAMED, _listed, kept
 from benchmarks.peers.compliance_measurements import Row, release, rows
 from benchmarks.peers.deviations import Deviation, deviations_shown_by
 from benchmarks.peers.options import jobs_of, measuring, page_options, put
@@ -26,8 +26,8 @@ from sepv.law import Effort, Verdict
 from sepv.peers.peer import names
 from sepv.verification import load_laws
 
-COMMAND = "python -m benchmarks.peers.integrators"
-ROUNDING = "integrator-rounding.md"
+INTEGRATORS_COMMAND = "python -m benchmarks.peers.integrators"
+ROUNDING_PAGE = "integrator-rounding.md"
 JUDGED_LAWS = (
     "contract",
     "poisson-map:constant",
@@ -52,8 +52,8 @@ def document(
     parts = [
         "# Laws that integrators of samplers and simulators obey",
         f"Made by `{command}` with sepv {__version__} and {', '.join(versions)}.",
-        INTRODUCTION,
-        markdown(("integrators (claimed order)", *KEPT), lines),
+        INTEGRATORS_INTRODUCTION,
+        markdown(("integrators (claimed order)", *KEPT_COLUMNS), lines),
         f"Measured: {', '.join(JUDGED_LAWS)}. {UNNAMED}",
         "\n".join(_marks(differing, rounded)),
         "\n".join(_reasons(found, marked)),
@@ -88,7 +88,7 @@ def _marks(differing: Iterable[Deviation], rounded: Iterable[Deviation]) -> Iter
     for d in differing:
         pages.setdefault(f"[The documentation differs]({d.page})", []).append(d.solver)
     for d in rounded:
-        pages.setdefault(f"[Invariants are kept, but not to rounding]({ROUNDING})", []).append(d.solver)
+        pages.setdefault(f"[Invariants are kept, but not to rounding]({ROUNDING_PAGE})", []).append(d.solver)
     for text, solvers in pages.items():
         yield f"- † {text}: {_listed(solvers)}"
 
@@ -109,7 +109,7 @@ def _reasons(found: Sequence[Row], marked: Collection[str]) -> Iterator[str]:
             yield f"- {row.scheme.name}, defects against bounds: {', '.join(violated)}"
 
 
-INTRODUCTION = """\
+INTEGRATORS_INTRODUCTION = """\
 Each integrator runs through its own library's code, in float64. Only the options in its name are set. The systems
 are random, H = ½pᵀM⁻¹p + V(q), with up to three degrees of freedom. For libraries with one mass for each particle M is
 diagonal. All integrators claim the law *contract*. Their documentation, or the method's name, makes the other claims:
@@ -139,9 +139,14 @@ def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: 
         line.update("the scripts that show deviations", 1.0)
         own = {row.library for row in found}
         differing, rounded = (deviations_shown_by(docs / name, own) for name in ("peers", "integrators"))
-    put(out, lambda arguments: document(found, differing, rounded, f"{COMMAND}{arguments}"), libraries, seed)
+    put(
+        out,
+        lambda arguments: document(found, differing, rounded, f"{INTEGRATORS_COMMAND}{arguments}"),
+        libraries,
+        seed,
+    )
     if out and not libraries:
-        write_atomically(str(docs / ROUNDING), rounding(rounded, f"{COMMAND} --out {out}"))
+        write_atomically(str(docs / ROUNDING_PAGE), rounding(rounded, f"{INTEGRATORS_COMMAND} --out {out}"))
 
 
 if __name__ == "__main__":

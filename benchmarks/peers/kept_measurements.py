@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sepv.console import Shown
+from sepv.console import ShownProgress
 from sepv.errors import UsageError
 from sepv.files import write_atomically
 
@@ -39,7 +39,7 @@ class Cell:
         return hashlib.sha256(json.dumps([self.solver, self.name, self.key]).encode()).hexdigest()[:24]
 
 
-def measured(cells: Iterable[Cell], folder: Path | None, shown: Shown) -> dict[tuple[str, str], Any]:
+def measured(cells: Iterable[Cell], folder: Path | None, shown: ShownProgress) -> dict[tuple[str, str], Any]:
     """The value of every cell, by solver and name: read from the folder,
     or else measured and stored there.
     """

@@ -27,13 +27,13 @@ from sepv.law import Effort, Law
 from sepv.peers.peer import load
 from sepv.verification import SUITE, load_laws
 
-FORMAT = 1
+RELEASE_FORMAT = 1
 # The laws that are quick enough for many versions. Local laws, by quadrature over several noises,
 # find most faults of a formula. Laws that search are slow, because they need a new compilation for
 # systems of each size.
 QUICK_LAWS = ("local-mean", "local-mean-square", "local-weak", "mean-square-order", "right-limit")
 # The most characters of a law's message; `sepv verify` prints the whole message.
-MESSAGE_MAX_CHARACTERS = 600
+RECORDED_MAX_CHARACTERS = 600
 
 
 def record(
@@ -49,7 +49,7 @@ def record(
     beside = {d.metadata["Name"].lower(): d.version for d in distributions() if d.metadata["Name"]}
     packages = {n: beside[n] for n in sorted(beside) if n not in ("pip", "setuptools", "wheel", "sepv")}
     return {
-        "format": FORMAT,
+        "format": RELEASE_FORMAT,
         "library": library,
         "version": release(library),
         "date": f"{datetime.now(UTC):%Y-%m-%d}",
@@ -77,7 +77,7 @@ def _entry(row: Row, asked: Sequence[Law]) -> dict[str, Any]:
 
 def _said(unit: str, cell: dict[str, Any]) -> dict[str, Any]:
     said = {key: finite(cell.get(key)) for key in ("verdict", "claimed", "defect", "bound")}
-    return said | {"unit": unit, "message": cell["message"][:MESSAGE_MAX_CHARACTERS]}
+    return said | {"unit": unit, "message": cell["message"][:RECORDED_MAX_CHARACTERS]}
 
 
 def _scripts(library: str, folder: Path) -> Iterator[dict[str, Any]]:

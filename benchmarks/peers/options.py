@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from sepv.console import Shown, showing
+from sepv.console import ShownProgress, showing
 from sepv.errors import SepvError
 from sepv.peers.peer import installed, load
 from sepv.schemes import Scheme
@@ -56,7 +56,7 @@ def jobs_of(kind: str, libraries: Sequence[str]) -> list[tuple[str, Scheme]]:
 
 
 @contextmanager
-def measuring(keep: Path | None) -> Iterator[Shown]:
+def measuring(keep: Path | None) -> Iterator[ShownProgress]:
     """Show progress on stderr. Errors of sepv become messages,
     and Ctrl-C says where the finished cells are stored.
     """

@@ -27,7 +27,7 @@ def _fault(data: Any) -> str:
 
 
 @dataclass(frozen=True)
-class Record:
+class ReleaseRecord:
     """One record, as record.schema.json describes its data."""
 
     path: Path
@@ -75,11 +75,11 @@ def add(folder: Path, data: dict[str, Any]) -> Path:
     return path
 
 
-def load(folder: Path) -> dict[str, list[Record]]:
+def load(folder: Path) -> dict[str, list[ReleaseRecord]]:
     """All records by library, in the order of versions and then of dates.
     Raise UsageError if there are none.
     """
-    found: dict[str, list[Record]] = {}
+    found: dict[str, list[ReleaseRecord]] = {}
     for path in sorted(folder.glob("*/*.json")):
         said = {
             "expected": "records of versions",
@@ -88,7 +88,7 @@ def load(folder: Path) -> dict[str, list[Record]]:
         data = read_json(path, **said)
         if wrong := _fault(data):
             raise UsageError(received=f"{path}: {wrong}", **said)
-        found.setdefault(data["library"], []).append(Record(path, data))
+        found.setdefault(data["library"], []).append(ReleaseRecord(path, data))
     if not found:
         raise UsageError(
             expected="a folder of records, LIBRARY/VERSION.json",

@@ -18,13 +18,13 @@ from sepv.schemes import Scheme, Systems
 
 # One system for each kind of noise. The systems are polynomial, so that the generator gives exact
 # means. They have no symmetry that would make errors vanish.
-PROBLEMS: dict[str, Callable[[], Problem]] = {
+NOISE_PROBLEMS: dict[str, Callable[[], Problem]] = {
     "general": problems.random_inertia,
     "commutative": problems.commuting_twists,
     "one": problems.twisted_top,
     "additive": problems.pushed_henon_heiles,
 }
-KINDS = {
+NOISE_KINDS = {
     "general": "rigid body, H_1 = y_1²/2, H_2 = y_2²",
     "commutative": "rigid body, H_1 = y_3²/2, H_2 = y_3 + y_3³/6: both noises rotate about the third axis",
     "one": "rigid body, a single H_1 = y_1²/2 + y_2y_3/2 + y_3",
@@ -35,7 +35,7 @@ KINDS = {
 @lru_cache(maxsize=8)
 def problem_of(kind: str) -> Problem:
     """The system for this kind of noise, made once."""
-    return PROBLEMS[kind]()
+    return NOISE_PROBLEMS[kind]()
 
 
 def scheme(solver: Solver, kind: str) -> Scheme:

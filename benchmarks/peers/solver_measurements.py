@@ -23,47 +23,48 @@ from sepv.properties import mean_square_slope as slope
 
 from benchmarks.peers.compliance_measurements import _text_of, release
 from benchmarks.peers.kept_measurements import Cell
-from benchmarks.peers.solver import KINDS, problem_of
+from benchmarks.peers.solver import NOISE_KINDS, problem_of
 from benchmarks.peers.solver import scheme as scheme_for
 from sepv import __version__
 from sepv.law import Effort, Verdict
 from sepv.peers.peer import Solver
 from sepv.problem import Array, Problem, channel_slope, matvec, noise_field
-from sepv.schemes import Scheme
+from sepv.schemes import LOCAL_LAWS, Scheme
 from sepv.simulate import RoughPath, run_chunk
 from sepv.verification import load_laws, verify
 
-LOCAL = ("local-mean", "local-mean-square", "local-weak")
-KEPT = ("casimir", "poisson-map")
-T, STEPS = 0.5, (8, 32, 128)
+KEPT_LAWS = ("casimir", "poisson-map")
+SOLVER_T, SOLVER_STEPS = 0.5, (8, 32, 128)
 # The number of paths of solvers that take batches, and of solvers that take one state at a time.
-PATHS, SINGLE = 512, 128
+BATCH_PATHS, SINGLE_PATHS = 512, 128
 # The probability that the interval of an order of paths misses it.
-ALPHA = 1e-4
+PATHS_ORDER_ALPHA = 1e-4
 # The order of the log-ODE, which is the reference for paths.
 LOG_ODE_ORDER = 1.0
-# A step that is small enough to show the limit up to LIMIT: a mean is off by O(h), or O(√h) for
-# differences over √h.
-LIMIT_STEP, LIMIT = 2.0**-16, 0.05
+# A step that is small enough to show the limit up to LIMIT_ERROR: a mean is off by O(h), or O(√h)
+# for differences over √h.
+LIMIT_STEP, LIMIT_ERROR = 2.0**-16, 0.05
 
 
 def cells(library: str, solver: Solver, effort: Effort) -> Iterator[Cell]:
     """The cells of all measurements of one solver."""
-    texts = {law.name: _text_of(law) for law in load_laws((*LOCAL, *KEPT))}
+    texts = {law.name: _text_of(law) for law in load_laws((*LOCAL_LAWS, *KEPT_LAWS))}
     key = (release(library), __version__, effort.seed)
     for kind, documented in solver.documented.items():
 
         def cell(name: str, more: tuple[Any, ...], measure: Any, kind: str = kind) -> Cell:
-            return Cell(solver.name, f"{kind}, {name}", (*key, KINDS[kind], *more), measure)
+            return Cell(solver.name, f"{kind}, {name}", (*key, NOISE_KINDS[kind], *more), measure)
 
-        laws = (*(texts[law] for law in LOCAL), *documented)
+        laws = (*(texts[law] for law in LOCAL_LAWS), *documented)
         yield cell("one step", laws, partial(_local, solver, kind, effort))
         yield cell("limit", (LIMIT_STEP,), partial(_limit, solver, kind))
         if (documented[0] or LOG_ODE_ORDER) <= LOG_ODE_ORDER:
             yield cell(
-                "paths", (T, STEPS, PATHS, SINGLE, ALPHA), partial(_over_paths, solver, kind, effort.seed)
+                "paths",
+                (SOLVER_T, SOLVER_STEPS, BATCH_PATHS, SINGLE_PATHS, PATHS_ORDER_ALPHA),
+                partial(_over_paths, solver, kind, effort.seed),
             )
-        for law in KEPT:
+        for law in KEPT_LAWS:
             yield cell(law, (texts[law], effort.examples), partial(_kept, solver, kind, law, effort))
 
 
@@ -73,7 +74,7 @@ def orders(solver: Solver, kind: str, local: dict[str, Any]) -> tuple[float, flo
     Steps are compared with the log-ODE. It differs from the solution by O(h^{3/2}), or by O(h²) if
     noises commute and space-time areas are known. So no order above 1, or 1.5, is visible.
     """
-    mean, rms, weak = (local[law]["slope"] for law in LOCAL)
+    mean, rms, weak = (local[law]["slope"] for law in LOCAL_LAWS)
     known = 1.5 if solver.asks == "space-time" and kind != "general" else LOG_ODE_ORDER
     return min(mean - 1, rms - 0.5, known), weak - 1
 
@@ -82,11 +83,11 @@ def _local(solver: Solver, kind: str, effort: Effort) -> dict[str, Any]:
     """Slopes of the three local errors, infinite if all errors are rounding,
     and verdicts on the documented orders.
     """
-    report = verify(scheme_for(solver, kind), laws=list(LOCAL), effort=effort)
+    report = verify(scheme_for(solver, kind), laws=list(LOCAL_LAWS), effort=effort)
     if report.interrupted:
         raise KeyboardInterrupt
     found: dict[str, Any] = {}
-    for law in LOCAL:
+    for law in LOCAL_LAWS:
         finding = report.finding(law)
         seen = (finding.witness or {}).get("measured", ())
         value = math.nan if not seen else seen[0]["slope"]
@@ -137,10 +138,10 @@ def _correction(problem: Problem, y: Array) -> Array:
 def limit_of(found: dict[str, float]) -> str:
     """The limit of a solver, Stratonovich's or Itô's solution, in words."""
     if math.isnan(found["share"]):
-        return "both" if found["left"] < LIMIT else "neither"
-    if found["left"] < LIMIT and abs(found["share"]) < LIMIT:
+        return "both" if found["left"] < LIMIT_ERROR else "neither"
+    if found["left"] < LIMIT_ERROR and abs(found["share"]) < LIMIT_ERROR:
         return "Itô"
-    if found["left"] < LIMIT and abs(found["share"] - 1) < LIMIT:
+    if found["left"] < LIMIT_ERROR and abs(found["share"] - 1) < LIMIT_ERROR:
         return "Stratonovich"
     return "neither"
 
@@ -151,7 +152,9 @@ def _reference(kind: str, seed: int, paths: int) -> tuple[RoughPath, Array, floa
     and the rms of the reference's own error.
     """
     problem = problem_of(kind)
-    return refined(problem, np.array(problem.initial), T, STEPS[-1], range(paths), seed, order=1.0)
+    return refined(
+        problem, np.array(problem.initial), SOLVER_T, SOLVER_STEPS[-1], range(paths), seed, order=1.0
+    )
 
 
 def _over_paths(solver: Solver, kind: str, seed: int) -> dict[str, Any]:
@@ -159,16 +162,27 @@ def _over_paths(solver: Solver, kind: str, seed: int) -> dict[str, Any]:
     and the number of paths that failed at any step size.
     """
     scheme, problem = scheme_for(solver, kind), problem_of(kind)
-    count = PATHS if solver.batched else SINGLE
+    count = BATCH_PATHS if solver.batched else SINGLE_PATHS
     rough, exact, doubt = _reference(kind, seed, count)
     with np.errstate(all="ignore"):
-        ends = [_end(solver, scheme, kind, problem, T / n, rough.rows(n, solver.asks)) for n in STEPS]
+        ends = [
+            _end(solver, scheme, kind, problem, SOLVER_T / n, rough.rows(n, solver.asks))
+            for n in SOLVER_STEPS
+        ]
         errors = np.stack([y - exact for y in ends])
     arrived = np.isfinite(errors).all(axis=(0, 1))
     kept = errors[:, :, arrived]
     scale = float(np.max(np.abs(exact)))
-    strong = StrongErrors(T, STEPS, np.sum(kept**2, axis=1), kept, (0,) * len(STEPS), scale, reference=doubt)
-    order = slope(strong, ALPHA)
+    strong = StrongErrors(
+        SOLVER_T,
+        SOLVER_STEPS,
+        np.sum(kept**2, axis=1),
+        kept,
+        (0,) * len(SOLVER_STEPS),
+        scale,
+        reference=doubt,
+    )
+    order = slope(strong, PATHS_ORDER_ALPHA)
     return {
         "order": (order.value, order.low, order.high),
         "rms": strong.rms().tolist(),

@@ -19,21 +19,33 @@ from benchmarks.peers.compliance_measurements import LIBRARIES, release
 from benchmarks.peers.deviations import Deviation, deviations_shown_by
 from benchmarks.peers.kept_measurements import measured
 from benchmarks.peers.options import measuring, page_options, put
-from benchmarks.peers.solver import KINDS, problem_of
-from benchmarks.peers.solver_measurements import ALPHA, KEPT, STEPS, T, cells, limit_of, orders
+from benchmarks.peers.solver import NOISE_KINDS, problem_of
+from benchmarks.peers.solver_measurements import (
+    KEPT_LAWS,
+    PATHS_ORDER_ALPHA,
+    SOLVER_STEPS,
+    SOLVER_T,
+    cells,
+    limit_of,
+    orders,
+)
 from sepv import __version__
-from sepv.console import Shown, markdown
+from sepv.console import ShownProgress, markdown
 from sepv.errors import TargetError
 from sepv.law import Effort, Verdict
 from sepv.peers.peer import Solver, load
 
-COMMAND = "python -m benchmarks.peers.solvers"
+SOLVERS_COMMAND = "python -m benchmarks.peers.solvers"
 # Half-way to the next lower order, as in the laws about orders.
-MARGIN = 0.25
+SOLVER_ORDER_MARGIN = 0.25
 # Words of a shortcoming in the order of one step, which the table shows beside the documented
 # order.
 IN_THE_TABLE = "of one step"
-WORDS = {Verdict.HOLDS.value: "kept", Verdict.VIOLATED.value: "no", Verdict.NOT_APPLICABLE.value: "–"}
+WORD_OF_VERDICT = {
+    Verdict.HOLDS.value: "kept",
+    Verdict.VIOLATED.value: "no",
+    Verdict.NOT_APPLICABLE.value: "–",
+}
 
 
 @dataclass(frozen=True)
@@ -59,9 +71,9 @@ def line(solver: Solver, kind: str, found: Mapping[tuple[str, str], Any]) -> Lin
     short = [] if solver.path else [
         f"{word} order {_number(order)} {IN_THE_TABLE} (documented: {claim:g})"
         for word, order, claim in (("strong", found_strong, strong), ("weak", found_weak, weak))
-        if claim is not None and order < claim - MARGIN
+        if claim is not None and order < claim - SOLVER_ORDER_MARGIN
     ]  # fmt: skip
-    if paths is not None and strong is not None and paths["order"][2] < strong - MARGIN:
+    if paths is not None and strong is not None and paths["order"][2] < strong - SOLVER_ORDER_MARGIN:
         short.append(f"strong order {_interval(paths)} over paths (documented: {strong:g})")
     if converges not in (documented, "both"):
         neither = "neither Itô's nor Stratonovich's solution"
@@ -77,7 +89,7 @@ def line(solver: Solver, kind: str, found: Mapping[tuple[str, str], Any]) -> Lin
             _number(found_weak) + (" §" if solver.path else ""),
             documented,
             converges,
-            *(WORDS.get(found[solver.name, f"{kind}, {law}"], "?") for law in KEPT),
+            *(WORD_OF_VERDICT.get(found[solver.name, f"{kind}, {law}"], "?") for law in KEPT_LAWS),
         ),
         tuple(short),
         solver.source,
@@ -98,7 +110,7 @@ def _interval(paths: Mapping[str, Any]) -> str:
 
 
 def lines(
-    libraries: Sequence[str], effort: Effort, folder: Path | None, shown: Shown
+    libraries: Sequence[str], effort: Effort, folder: Path | None, shown: ShownProgress
 ) -> dict[str, list[Line]]:
     """The lines of the libraries that are installed."""
     chosen: dict[str, tuple[Solver, ...]] = {}
@@ -157,9 +169,9 @@ def table(library: str, own: Sequence[Line]) -> str:
         row[kind] = "; ".join(orders[: 1 if orders[1] == "1.00" else 2]) + " †" * bool(each.short)
     groups: dict[tuple[str, ...], list[str]] = {}
     for name, row in rows.items():
-        groups.setdefault(tuple(row.get(key, "") for key in ("limit", *KINDS)), []).append(name)
+        groups.setdefault(tuple(row.get(key, "") for key in ("limit", *NOISE_KINDS)), []).append(name)
     lines = markdown(
-        ("solvers", *KINDS), [("; ".join(names), *cells) for (_, *cells), names in groups.items()]
+        ("solvers", *NOISE_KINDS), [("; ".join(names), *cells) for (_, *cells), names in groups.items()]
     )
     itos = [name for name, row in rows.items() if row["limit"] == "Itô"]
     return f"{lines}\n\nThese solve Itô's equation: {'; '.join(itos)}." if itos else lines
@@ -193,7 +205,8 @@ def _kept(lines: Sequence[Line]) -> str:
     kept = [
         f"{each.cells[0]}, {each.cells[1]}: {', '.join(each.cells[-2:])}"
         for each in lines
-        if {*each.cells[-2:]} - {WORDS[Verdict.VIOLATED.value], WORDS[Verdict.NOT_APPLICABLE.value]}
+        if {*each.cells[-2:]}
+        - {WORD_OF_VERDICT[Verdict.VIOLATED.value], WORD_OF_VERDICT[Verdict.NOT_APPLICABLE.value]}
     ]
     if kept:
         return f"Casimirs (*casimir*) and structure (*poisson-map*) on these problems: {'; '.join(kept)}"
@@ -207,7 +220,9 @@ def _is_about(script: str, entry: str) -> bool:
 
 
 def _introduction() -> str:
-    problems = "\n".join(f"- {kind}: {text} (`{problem_of(kind).name}`)" for kind, text in KINDS.items())
+    problems = "\n".join(
+        f"- {kind}: {text} (`{problem_of(kind).name}`)" for kind, text in NOISE_KINDS.items()
+    )
     return f"""\
 Each solver ran on dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with c_j = ½, by its library's code in float64, with given
 increments. Noise is *commutative* if the Lie brackets of its fields vanish, *additive* if its fields are constant:
@@ -223,8 +238,9 @@ Itô's or to Stratonovich's solution. Solvers of Itô equations got Itô's form.
 - **Orders** follow from errors of one step, computed by quadrature as in the laws *local-mean*, *local-mean-square* and
   *local-weak*. The reference solution shows strong orders up to 1, or up to 1.5 for solvers that use
   space-time areas of commutative noise.
-- **Paths**: rms errors at T = {T:g} with {", ".join(map(str, STEPS))} steps give a second strong order. The last
-  section has its confidence intervals, each of which misses the true order with nominal probability {ALPHA:g}.
+- **Paths**: rms errors at T = {SOLVER_T:g} with {", ".join(map(str, SOLVER_STEPS))} steps give a second strong order.
+  The last section has its confidence intervals, each of which misses the true order with nominal
+  probability {PATHS_ORDER_ALPHA:g}.
 - **§** marks a solver that passes an internal state from step to step; its strong order is measured over paths.
 - **Lévy areas** A_ij of the reference's path are given to the solver. By default torchsde and sdeint approximate A_ij
   by random numbers of fixed accuracy, so the order falls to ½ for small steps (P. Kloeden and E. Platen 1992, §5.8)."""
@@ -240,7 +256,7 @@ def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: 
         found = lines(libraries or LIBRARIES, Effort(seed=seed, shrink_checks=50), keep, bar)
         bar.update("the scripts that show deviations", 1.0)
         shown = deviations_shown_by(out.parent / "peers", LIBRARIES) if out else []
-    put(out, lambda arguments: document(found, shown, f"{COMMAND}{arguments}"), libraries, seed)
+    put(out, lambda arguments: document(found, shown, f"{SOLVERS_COMMAND}{arguments}"), libraries, seed)
 
 
 if __name__ == "__main__":

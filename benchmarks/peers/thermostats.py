@@ -19,8 +19,8 @@ from sepv.law import Effort
 from sepv.peers.peer import names
 from sepv.verification import load_laws
 
-COMMAND = "python -m benchmarks.peers.thermostats"
-LAWS = (
+THERMOSTATS_COMMAND = "python -m benchmarks.peers.thermostats"
+THERMOSTAT_LAWS = (
     "equilibrium",
     "equilibrium:positions",
     "poisson-map:conformal",
@@ -31,9 +31,9 @@ LAWS = (
     "mean-square-order",
 )
 # The laws whose defect is a power of h, which the table shows.
-POWERS = ("equilibrium", "deterministic-order", *LAWS[4:])
+POWER_LAWS = ("equilibrium", "deterministic-order", *THERMOSTAT_LAWS[4:])
 
-INTRODUCTION = """\
+THERMOSTATS_INTRODUCTION = """\
 Each integrator runs through its own library's code, in float64, with the normal numbers that sepv gives it. Libraries
 of particles have one mass for each particle, so M is diagonal. The documentation or the method's name makes the
 claims (+). Beside a verdict stands the power of h that was measured, and "–" is violated. A violated law
@@ -70,23 +70,23 @@ We read the docstrings and the source of the three integrators, and the document
 @page_options(names())
 def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: int) -> None:
     """Measure what other libraries' integrators of Langevin dynamics keep, and write the page."""
-    laws, effort = load_laws(LAWS), Effort(seed=seed, shrink_checks=50)
+    laws, effort = load_laws(THERMOSTAT_LAWS), Effort(seed=seed, shrink_checks=50)
     with measuring(keep) as line:
         found = rows(jobs_of("thermostats", libraries), laws, effort, keep, line)
 
     def cell(row: Row, law: str) -> str:
         mark, defect = row.marks[law], row.found[law].get("defect")
-        power = f" {defect:.2f}" if law in POWERS and defect is not None else ""
+        power = f" {defect:.2f}" if law in POWER_LAWS and defect is not None else ""
         return mark.removesuffix(" +") + power + " +" * mark.endswith(" +")
 
-    table = [(law, *(cell(row, law) for row in found)) for law in LAWS]
+    table = [(law, *(cell(row, law) for row in found)) for law in THERMOSTAT_LAWS]
     versions = ", ".join(f"{row.library} {release(row.library)}" for row in found)
 
     def document(arguments: str) -> str:
         parts = [
             "# Langevin dynamics of other libraries",
-            f"Made by `{COMMAND}{arguments}` with sepv {__version__} and {versions}.",
-            INTRODUCTION,
+            f"Made by `{THERMOSTATS_COMMAND}{arguments}` with sepv {__version__} and {versions}.",
+            THERMOSTATS_INTRODUCTION,
             markdown(("law", *(row.scheme.name for row in found)), table),
             "## Where the claims come from",
             "\n".join(f"- {row.scheme.source}" for row in found),

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from benchmarks.peers.changes import ABSENT, cell, changes, deviations, latest, solvers
-from benchmarks.peers.records import Record
+from benchmarks.peers.records import ReleaseRecord
 from sepv.console import markdown
 from sepv.law import Verdict
 
@@ -16,7 +16,7 @@ from sepv.law import Verdict
 # the limit 0.
 LEAST_SLOPE = 0.25
 
-INTRODUCTION = """\
+TREND_INTRODUCTION = """\
 This page shows in which version of a library a verdict on its Stratonovich solvers changed. Each version ran
 unchanged in a fresh environment. A solver claims the orders that its documentation
 states for commuting noise. The laws are *local-mean*, *local-mean-square*, *local-weak*, *mean-square-order* and
@@ -29,15 +29,15 @@ python -m benchmarks.peers.trend results --out docs/trend.md # make this page
 ```"""
 
 
-def page(found: dict[str, list[Record]]) -> str:
+def page(found: dict[str, list[ReleaseRecord]]) -> str:
     """The page of the records by library, as `benchmarks.peers.records.load` gives them."""
-    parts = ["# Other libraries over their versions", INTRODUCTION]
+    parts = ["# Other libraries over their versions", TREND_INTRODUCTION]
     for library, records in found.items():
         parts += [f"## {library}", *_library(records)]
     return "\n\n".join(parts) + "\n"
 
 
-def _library(records: Sequence[Record]) -> Iterator[str]:
+def _library(records: Sequence[ReleaseRecord]) -> Iterator[str]:
     last = latest(records)
     found = changes(records)
     if found:

@@ -20,16 +20,16 @@ from benchmarks.right_schemes import (
 )
 from sepv.schemes import Scheme
 
-RIGHT: dict[str, Scheme] = {
+RIGHT_SCHEMES: dict[str, Scheme] = {
     s.name: s
     for s in (
-        *solved_otherwise.SCHEMES,
-        *other_formulas.SCHEMES,
-        *charges.SCHEMES,
-        *friction.SCHEMES,
-        *long_times.SCHEMES,
-        *in_single_precision.SCHEMES,
-        *with_memory.SCHEMES,
-        *stated.SCHEMES,
+        *solved_otherwise.OTHERWISE_SOLVED,
+        *other_formulas.OTHER_FORMULAS,
+        *charges.CHARGE_SCHEMES,
+        *friction.FRICTION_SCHEMES,
+        *long_times.LONG_TIME_SCHEMES,
+        *in_single_precision.SINGLE_PRECISION_SCHEMES,
+        *with_memory.SCHEMES_WITH_MEMORY,
+        *stated.STATED_SCHEMES,
     )
 }

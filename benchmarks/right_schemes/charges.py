@@ -41,7 +41,7 @@ def _boris(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return np.concatenate([x + 0.5 * delta * v, v])
 
 
-SCHEMES = (
+CHARGE_SCHEMES = (
     Scheme(
         name="boris",
         step=_boris,

@@ -31,21 +31,20 @@ from sepv.problem import (
     noise_vectors,
     sample_states,
 )
-from sepv.schemes import LANGEVIN_CLAIMS as CLAIMS
-from sepv.schemes import Scheme, by_name
+from sepv.schemes import LANGEVIN_CLAIMS, Scheme, by_name
 
 # Halvings of the matrix of an exponential, and the terms of its series: for a norm up to 4 the
 # first term that is left out is below 1e-26.
-HALVINGS, TERMS = 4, 18
+EXPONENTIAL_HALVINGS, EXPONENTIAL_TERMS = 4, 18
 
 
 def exponential(A: Array) -> Array:
     """The exponential of a small matrix, by its series and repeated squares."""
     total = term = np.eye(len(A))
-    for n in range(1, TERMS):
-        term = term @ A / (n * 2.0**HALVINGS)
+    for n in range(1, EXPONENTIAL_TERMS):
+        term = term @ A / (n * 2.0**EXPONENTIAL_HALVINGS)
         total = total + term
-    for _ in range(HALVINGS):
+    for _ in range(EXPONENTIAL_HALVINGS):
         total = total @ total
     return total
 
@@ -100,12 +99,12 @@ def by_velocities(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return system.join(q + h / 2 * v, system.momentum(v))
 
 
-SCHEMES: tuple[Scheme, ...] = (
+FRICTION_SCHEMES: tuple[Scheme, ...] = (
     replace(
         by_name("baoab"),
         name="aboba-by-velocities",
         step=by_velocities,
-        claims=CLAIMS | {"equilibrium:positions"},
+        claims=LANGEVIN_CLAIMS | {"equilibrium:positions"},
         source="ABOBA in velocities",
     ),
     Scheme(

@@ -16,15 +16,15 @@ from sepv.schemes import Scheme, energy_preserving, leapfrog, midpoint
 
 # Laws whose orders are hidden by rounding, and laws that hold for (2.1) in binary64 only.
 _HIDDEN = {"local-mean", "local-mean-square", "local-weak", "reproducibility"}
-_SWEEPS, _NODES = 700, 10
+_SINGLE_SWEEPS, _SINGLE_NODES = 700, 10
 
 
 def _swept(problem: Problem, y: Any, delta: Any, average: bool) -> Any:
     """(2.1) or the midpoint rule by sweeps to stagnation; every array is of single precision."""
     z, last = np.zeros_like(y), np.inf
-    points = gauss_legendre(_NODES) if average else (np.array([0.5]), np.array([1.0]))
+    points = gauss_legendre(_SINGLE_NODES) if average else (np.array([0.5]), np.array([1.0]))
     with np.errstate(all="ignore"):
-        for _ in range(_SWEEPS):
+        for _ in range(_SINGLE_SWEEPS):
             g = np.zeros_like(y)
             for t, w in zip(*points, strict=True):
                 g += np.float32(w) * np.float32(problem.gradient(y + np.float32(t) * z))
@@ -57,7 +57,7 @@ def _kicked(problem: Problem, y: Any, h: float, dW: Any) -> Any:
     )
 
 
-SCHEMES: tuple[Scheme, ...] = (
+SINGLE_PRECISION_SCHEMES: tuple[Scheme, ...] = (
     Scheme(
         "leapfrog-in-single-precision",
         _kicked,

@@ -27,7 +27,7 @@ from sepv.schemes import (
 
 # The most sweeps of a fixed-point iteration, and the size of corrections relative to |y| at which
 # it may end.
-_SWEEPS, _NOISE = 200, 16 * EPS
+_LOBATTO_MAX_SWEEPS, _LOBATTO_TOLERANCE = 200, 16 * EPS
 
 
 def _runge_kutta(A: Sequence[Sequence[float]], b: Sequence[float]) -> Step:
@@ -39,10 +39,10 @@ def _runge_kutta(A: Sequence[Sequence[float]], b: Sequence[float]) -> Step:
         y0 = y.reshape(len(y), -1)
         k = np.repeat(vector_field(problem, y0)[None], len(b), axis=0)
         before = np.inf
-        for _ in range(_SWEEPS):
+        for _ in range(_LOBATTO_MAX_SWEEPS):
             new = np.array([vector_field(problem, y0 + h * np.tensordot(row, k, 1)) for row in A])
             move, k = abs(h) * float(np.max(np.abs(new - k))), new
-            if move == 0 or (move >= before and move <= _NOISE * np.max(np.abs(y0))):
+            if move == 0 or (move >= before and move <= _LOBATTO_TOLERANCE * np.max(np.abs(y0))):
                 return (y0 + h * np.tensordot(b, k, 1)).reshape(y.shape)
             before = move
         raise Refused("the fixed-point iteration does not converge")
@@ -73,7 +73,7 @@ def _projected(problem: Problem, y: Array, h: float, _dW: Array) -> Array:
     def end(share: Array) -> Array:
         start = _trapezoidal(problem, y + share * g, h, _dW)
         y1 = start
-        for _ in range(_SWEEPS):
+        for _ in range(_LOBATTO_MAX_SWEEPS):
             new = start + share * problem.gradient(y1)
             if np.max(np.abs(new - y1)) <= EPS * np.max(np.abs(y)):
                 return new
@@ -107,7 +107,7 @@ _other = Scheme("drift, kick, drift", Explicit(KicksAndDrifts((0.0, 1.0, 0.0), (
 _lobatto: Callable[..., Scheme] = lambda name, A, source: _method(  # noqa: E731 - one tableau a line
     name, _runge_kutta(A, [1 / 6, 2 / 3, 1 / 6]), 4, source, "symmetry"
 )
-SCHEMES = (
+LONG_TIME_SCHEMES = (
     _lobatto("lobatto-iiia", [[0, 0, 0], [5 / 24, 1 / 3, -1 / 24], [1 / 6, 2 / 3, 1 / 6]],
              "Lobatto IIIA with three stages: symmetric, not symplectic"),
     _lobatto("lobatto-iiib", [[1 / 6, -1 / 6, 0], [1 / 6, 1 / 3, 0], [1 / 6, 5 / 6, 0]],

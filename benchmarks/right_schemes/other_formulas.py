@@ -41,7 +41,7 @@ from sepv.schemes import (
 
 # Claims of (2.1) that a scheme with a similar structure but another formula does not make.
 _NOT_ITSELF = {"midpoint", "reduction", "reference", "refusal"}
-_TRIPLE = 1 / (2 - 2 ** (1 / 3))
+_YOSHIDA_SHARE = 1 / (2 - 2 ** (1 / 3))
 
 
 def _trapezoidal(fields: Fields, y: Any, z: Any, step: Any) -> Any:
@@ -317,7 +317,7 @@ MECHANICAL = (
         4, "R. McLachlan and P. Atela, Nonlinearity 5 (1992): order 4, not symmetric",
     ),
 )  # fmt: skip
-SCHEMES: tuple[Scheme, ...] = (
+OTHER_FORMULAS: tuple[Scheme, ...] = (
     *MECHANICAL,
     Scheme(
         "unit-masses",
@@ -413,7 +413,7 @@ SCHEMES: tuple[Scheme, ...] = (
     ),
     like_the_core(
         "triple-jump",
-        _composed((_TRIPLE, 1 - 2 * _TRIPLE, _TRIPLE)),
+        _composed((_YOSHIDA_SHARE, 1 - 2 * _YOSHIDA_SHARE, _YOSHIDA_SHARE)),
         "(2.1) composed to order 4 (Suzuki 1990, Yoshida 1990), backward in the middle",
         claims=CLAIMED - _NOT_ITSELF,
         mean_square_order=2.0,

@@ -22,11 +22,11 @@ CLAIMED = frozenset(energy_preserving.claims)
 _PATHS = {"rounding", "mean-square-order", "weak-order", "right-limit", "reproducibility"}
 
 # Gauss nodes for an H of no stated degree: exact to degree 40.
-_MANY = 20
+_EXACT_NODES = 20
 # Sweeps of a fixed-point iteration with a contraction factor of 0.95.
-_SWEEPS = 700
+_FIXED_POINT_SWEEPS = 700
 # A few roundings relative to |y|: a smaller correction that no longer shrinks is rounding.
-_NOISE = 16 * EPS
+_STAGNATION = 16 * EPS
 
 # The right side R(problem, y0, y1, Δ) of (2.1).
 _Right = Callable[[Problem, Array, Array, Any], Array]
@@ -37,7 +37,7 @@ class Refused(ArithmeticError):
 
 
 def _nodes(problem: Problem) -> int:
-    return _MANY if problem.degree is None else max(1, -(-problem.degree // 2))
+    return _EXACT_NODES if problem.degree is None else max(1, -(-problem.degree // 2))
 
 
 def _by_nodes(problem: Problem, y0: Array, y1: Array, nodes: int) -> Array:
@@ -64,12 +64,12 @@ def _swept(problem: Problem, y0: Array, delta: Array, right: _Right = _right) ->
     z, active = np.zeros_like(y0), np.arange(y0.shape[1])
     before = np.full(y0.shape[1], np.inf)
     with np.errstate(all="ignore"):
-        for _ in range(_SWEEPS):
+        for _ in range(_FIXED_POINT_SWEEPS):
             a = y0[:, active]
             new = right(problem, a, a + z[:, active], delta[active])
             move = np.max(np.abs(new - z[:, active]), axis=0)
             scale = np.max(np.abs(a), axis=0) + np.max(np.abs(new), axis=0)
-            done = (move == 0) | ((move >= before[active]) & (move <= _NOISE * scale))
+            done = (move == 0) | ((move >= before[active]) & (move <= _STAGNATION * scale))
             z[:, active], before[active] = new, move
             if not np.all(np.isfinite(move)):
                 break
@@ -110,7 +110,7 @@ def _loop(problem: Problem, y: Array, delta: float) -> Array:
     """(2.1) as a plain loop over floats."""
     d, points = len(y), list(zip(*gauss_legendre(_nodes(problem)), strict=True))
     y1, last = y.copy(), math.inf
-    for _ in range(_SWEEPS):
+    for _ in range(_FIXED_POINT_SWEEPS):
         if problem.mean_gradient is not None:
             g = problem.mean_gradient(y, y1)
         else:
@@ -128,7 +128,7 @@ def _loop(problem: Problem, y: Array, delta: float) -> Array:
         y1, before, last = new, last, move
         if not math.isfinite(move):
             break
-        if move == 0 or (move >= before and move <= _NOISE * float(np.max(np.abs(y1)))):
+        if move == 0 or (move >= before and move <= _STAGNATION * float(np.max(np.abs(y1)))):
             return y1
     raise Refused("no convergence")
 
@@ -138,10 +138,10 @@ def _to_an_ulp(problem: Problem, y: Array, delta: float) -> Array:
     however small the others are.
     """
     y1, last = y, math.inf
-    for _ in range(_SWEEPS):
+    for _ in range(_FIXED_POINT_SWEEPS):
         y1, before, old = y + _right(problem, y, y1, delta), last, y1
         last, size = float(np.max(np.abs(y1 - old))), float(np.max(np.abs(y1)))
-        if last <= (_NOISE if last >= before else EPS) * size < math.inf:
+        if last <= (_STAGNATION if last >= before else EPS) * size < math.inf:
             return y1
     raise Refused("no convergence")
 
@@ -155,9 +155,9 @@ def _exact_sum(values: Iterable[float]) -> float:
 
 def _lists(problem: Problem, y: Array, delta: float) -> list[float]:
     """(2.1) by sweeps over Python lists, with every sum rounded once (`math.fsum`)."""
-    start, points = y.tolist(), list(zip(*gauss_legendre(_MANY), strict=True))
+    start, points = y.tolist(), list(zip(*gauss_legendre(_EXACT_NODES), strict=True))
     z, last = [0.0] * len(start), math.inf
-    for _ in range(_SWEEPS):
+    for _ in range(_FIXED_POINT_SWEEPS):
         y1 = [a + b for a, b in zip(start, z, strict=True)]
         if problem.mean_gradient is not None:
             g = problem.mean_gradient(np.array(start), np.array(y1)).tolist()
@@ -175,7 +175,7 @@ def _lists(problem: Problem, y: Array, delta: float) -> list[float]:
         z, before, last = new, last, move
         if not math.isfinite(move):
             break
-        if move == 0 or (move >= before and move <= _NOISE * max(map(abs, start + new))):
+        if move == 0 or (move >= before and move <= _STAGNATION * max(map(abs, start + new))):
             return [a + b for a, b in zip(start, z, strict=True)]
     raise Refused("no convergence")
 
@@ -209,7 +209,7 @@ def _line_search(problem: Problem, y: Array, delta: float) -> Array:
     for _ in range(60):
         size = float(np.max(np.abs(value)))
         scale = float(np.max(np.abs(y)) + np.max(np.abs(z)))
-        if size == 0 or (size >= best and size <= _NOISE * scale):
+        if size == 0 or (size >= best and size <= _STAGNATION * scale):
             return y + z
         best = min(best, size)
         width = math.sqrt(EPS) * (scale + size)
@@ -219,7 +219,7 @@ def _line_search(problem: Problem, y: Array, delta: float) -> Array:
         while share > 2.0**-20:
             trial = z - share * move
             new = F(trial)
-            if np.max(np.abs(new)) < size or size <= _NOISE * scale:
+            if np.max(np.abs(new)) < size or size <= _STAGNATION * scale:
                 break
             share /= 2
         else:
@@ -266,7 +266,7 @@ def _twenty(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
     if problem.mean_gradient is not None:
         average = problem.mean_gradient(y0, y1)
     else:
-        points, weights = np.polynomial.legendre.leggauss(_MANY)
+        points, weights = np.polynomial.legendre.leggauss(_EXACT_NODES)
         terms = [
             w * problem.gradient(y0 + 0.5 * (x + 1) * (y1 - y0)) for x, w in zip(points, weights, strict=True)
         ]
@@ -307,7 +307,7 @@ def like_the_core(name: str, step: Step, source: str, batched: bool = True, **ch
     )
 
 
-SCHEMES: tuple[Scheme, ...] = (
+OTHERWISE_SOLVED: tuple[Scheme, ...] = (
     like_the_core("fixed-point", of_lanes(_swept), "(2.1) by fixed-point iteration to stagnation"),
     like_the_core("twenty-nodes", _solved(_twenty), "(2.1) with 20 Gauss nodes"),
     like_the_core(

@@ -4,6 +4,6 @@ and damped tops.
 
 from __future__ import annotations
 
-from sepv.faults.saboteurs.stated import BODIES, SPINS, TOPS
+from sepv.faults.saboteurs.stated import BODIES, CONFORMAL_TOP, SPINS
 
-SCHEMES = (BODIES, SPINS, TOPS)
+STATED_SCHEMES = (BODIES, SPINS, CONFORMAL_TOP)

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.right_schemes import RIGHT
-from benchmarks.right_schemes.solved_otherwise import SCHEMES
+from benchmarks.right_schemes import RIGHT_SCHEMES
+from benchmarks.right_schemes.solved_otherwise import OTHERWISE_SOLVED
 from sepv import schemes
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, Twin
@@ -92,13 +92,13 @@ def ports() -> dict[str, Scheme]:
         (schemes.explicit(4), Scheme("runge-kutta-loops", _runge_kutta)),
         (schemes.midpoint, Scheme("midpoint-sweeps", _midpoint, solver_tolerance=TOLERANCE)),
         (Scheme("midpoint-sweeps", _midpoint, solver_tolerance=TOLERANCE), schemes.midpoint),
-        (schemes.gauss(2), RIGHT["gauss-two"]),
-        (RIGHT["stored-force"], RIGHT["stored-force-reversed"]),
-        (RIGHT["adams-bashforth-2"], RIGHT["adams-bashforth-2-by-paths"]),
-        (RIGHT["reversible-heun-by-paths"], RIGHT["reversible-heun"]),
-        (schemes.energy_preserving, RIGHT["compensated"]),
-        (schemes.energy_preserving, RIGHT["energy-preserving-in-single-precision"]),
-        (RIGHT["energy-preserving-in-single-precision"], schemes.energy_preserving),
-        *((schemes.energy_preserving, other) for other in SCHEMES),
+        (schemes.gauss(2), RIGHT_SCHEMES["gauss-two"]),
+        (RIGHT_SCHEMES["stored-force"], RIGHT_SCHEMES["stored-force-reversed"]),
+        (RIGHT_SCHEMES["adams-bashforth-2"], RIGHT_SCHEMES["adams-bashforth-2-by-paths"]),
+        (RIGHT_SCHEMES["reversible-heun-by-paths"], RIGHT_SCHEMES["reversible-heun"]),
+        (schemes.energy_preserving, RIGHT_SCHEMES["compensated"]),
+        (schemes.energy_preserving, RIGHT_SCHEMES["energy-preserving-in-single-precision"]),
+        (RIGHT_SCHEMES["energy-preserving-in-single-precision"], schemes.energy_preserving),
+        *((schemes.energy_preserving, other) for other in OTHERWISE_SOLVED),
     ]
     return {f"{a.name} and {b.name}": _pair(a, b) for a, b in loops}

@@ -117,7 +117,7 @@ def _signed(state: Any, rho: Array | None) -> Any:
 _EULER = StatefulStep(lambda _problem, y: (y.copy(), None), _adams_bashforth, _first)
 _MECHANICAL: dict[str, Any] = {"order": 2.0, "systems": Systems.MECHANICAL, "noise": False, "batched": True}
 _KEPT = ("poisson-map:constant", "volume", "symmetry", "reversibility", "long-time-energy", "reproducibility")
-SCHEMES: tuple[Scheme, ...] = (
+SCHEMES_WITH_MEMORY: tuple[Scheme, ...] = (
     Scheme("adams-bashforth-2", _EULER, ("equivariance", "reproducibility"), "AB2 after a step of Euler's rule",
            order=2.0, batched=True),
     Scheme("adams-bashforth-2-by-paths", PathSolver(_adams_bashforth_paths), ("equivariance",),

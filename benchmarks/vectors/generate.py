@@ -30,10 +30,10 @@ from sepv.reference.problem import binary64_problem
 from sepv.reference.solve import BROKEN
 from sepv.reference.steps import ReferenceStep, find_equation, reference_step
 from sepv.reference.vector import (
-    DIGITS,
     FLOW,
-    FOLDER,
-    FORMAT,
+    VECTOR_DIGITS,
+    VECTOR_FOLDER,
+    VECTOR_FORMAT,
     ReferenceVector,
     load,
     schemes_with_vectors,
@@ -47,9 +47,9 @@ from sepv.files import write_atomically
 # The number of digits computed beyond those printed; a proof by balls may leave three of them
 # undecided.
 _EXTRA = 10
-# If a component is much smaller than the largest, _MANY digits are computed; below 1e-390 of the
-# largest it is 0.
-_FEW, _MANY = DIGITS + _EXTRA, 460
+# If a component is much smaller than the largest, _SMALL_COMPONENT_DIGITS digits are computed;
+# below 1e-390 of the largest it is 0.
+_USUAL_DIGITS, _SMALL_COMPONENT_DIGITS = VECTOR_DIGITS + _EXTRA, 460
 _ZERO = 390
 
 
@@ -59,7 +59,7 @@ class GenerationError(SepvError):
 
 def to_text(scheme: str, source: str, vectors: Iterable[ReferenceVector]) -> str:
     """The text of a whole file: a head, then one case a line."""
-    head = {"format": FORMAT, "scheme": scheme, "source": source, "digits": DIGITS}
+    head = {"format": VECTOR_FORMAT, "scheme": scheme, "source": source, "digits": VECTOR_DIGITS}
     lines = ",\n".join(json.dumps(to_json(v), separators=(",", ":"), ensure_ascii=True) for v in vectors)
     return json.dumps(head, ensure_ascii=True, indent=1)[:-2] + ',\n "cases": [\n' + lines + "\n ]\n}\n"
 
@@ -83,10 +83,10 @@ def _step_answer(case: ReferenceVector) -> ReferenceVector:
     equation = find_equation(case.scheme)
     arguments = (case.problem, case.y, case.h, case.dW)
     start, flags = _on_the_branch(equation, case)
-    step = reference_step(equation, *arguments, _FEW, start=start)
-    digits = _FEW
+    step = reference_step(equation, *arguments, _USUAL_DIGITS, start=start)
+    digits = _USUAL_DIGITS
     if _uneven(step.y1):
-        digits = _MANY
+        digits = _SMALL_COMPONENT_DIGITS
         step = reference_step(equation, *arguments, digits, start=[float(v) for v in step.x] or None)
     y1 = _without_noise(step.y1)
     proof = "none"
@@ -128,7 +128,7 @@ def _uneven(y1: Vector) -> bool:
 
 def _without_noise(y1: Vector) -> Vector:
     """Replace components that are only rounding errors of the others by 0."""
-    ctx = context(_MANY)
+    ctx = context(_SMALL_COMPONENT_DIGITS)
     scale = max(abs(v) for v in y1)
     return [ctx.zero if abs(v) < scale * ctx.mpf(10) ** -_ZERO else v for v in y1]
 
@@ -157,7 +157,7 @@ def _require_digits_of(value: Any, enclosure: Any, k: int) -> None:
             raise GenerationError(f"component {k + 1} is printed as 0 and is {enclosure.str(5)}")
         return
     off = abs((enclosure - from_mpf(value)) / from_mpf(value)).upper()
-    if not off < flint.arb(10) ** (-DIGITS - 5):
+    if not off < flint.arb(10) ** (-VECTOR_DIGITS - 5):
         raise GenerationError(f"component {k + 1}: only {off.str(3)} of it is proved")
     ends = {_rounded(_fraction_of(end)) for end in (enclosure.lower(), enclosure.upper())}
     if ends != {to_binary64(value)}:
@@ -187,10 +187,10 @@ def _flow_answer(case: ReferenceVector) -> ReferenceVector:
     prove it by an enclosure if python-flint is installed.
     """
     arguments = (case.problem, case.y, case.h)
-    digits = _FEW
+    digits = _USUAL_DIGITS
     y1 = taylor(*arguments, digits)
     if _uneven(y1):
-        digits = 2 * _FEW
+        digits = 2 * _USUAL_DIGITS
         y1 = taylor(*arguments, digits)
     scale = max(abs(v) for v in y1)
     y1 = [v if abs(v) > scale * context(30).mpf(10) ** (-digits + 5) else 0 * v for v in y1]
@@ -214,7 +214,7 @@ def _vector(
     flags: tuple[str, ...],
     proof: str,
 ) -> ReferenceVector:
-    ctx = context(_MANY)
+    ctx = context(_SMALL_COMPONENT_DIGITS)
     return replace(
         case,
         y1=tuple(_decimal(ctx, v) for v in y1),
@@ -227,7 +227,7 @@ def _vector(
 
 
 def _decimal(ctx: Any, v: Any) -> str:
-    return str(ctx.nstr(v, DIGITS, strip_zeros=False, min_fixed=-6, max_fixed=16)) if v else "0.0"
+    return str(ctx.nstr(v, VECTOR_DIGITS, strip_zeros=False, min_fixed=-6, max_fixed=16)) if v else "0.0"
 
 
 def source_of(scheme: str) -> str:
@@ -249,7 +249,7 @@ def differences(new: ReferenceVector, old: ReferenceVector) -> list[str]:
     return found
 
 
-def check(schemes: Sequence[str], every: int, folder: Path = FOLDER) -> tuple[int, list[str]]:
+def check(schemes: Sequence[str], every: int, folder: Path = VECTOR_FOLDER) -> tuple[int, list[str]]:
     """Compute each `every`-th case of each file again, from the first on.
     Return their number and the differences.
     """
@@ -281,7 +281,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         require_flint()
         for scheme in chosen:
             vectors = [answer(case) for case in load(scheme)]
-            write_atomically(str(FOLDER / f"{scheme}.json"), to_text(scheme, source_of(scheme), vectors))
+            write_atomically(
+                str(VECTOR_FOLDER / f"{scheme}.json"), to_text(scheme, source_of(scheme), vectors)
+            )
             print(f"{scheme}: {len(vectors)} vectors, {time.perf_counter() - start:.1f} s", flush=True)
     except SepvError as error:
         print(f"benchmarks.vectors: {error}", file=sys.stderr)

@@ -26,8 +26,8 @@ from sepv.reference.equations import make_step
 from sepv.reference.problem import Description, in_arithmetic
 from sepv.reference.steps import ReferenceStep
 
-_DIGITS = 30
-_CTX, _DECIMAL = context(_DIGITS), decimal(_DIGITS)
+_ROUNDING_DIGITS = 30
+_CTX, _DECIMAL = context(_ROUNDING_DIGITS), decimal(_ROUNDING_DIGITS)
 UNIT = 2.0**-53
 # Half of the least positive binary64 number bounds the error of an operation that underflows.
 UNDERFLOW = _CTX.mpf(2) ** -1075
@@ -153,7 +153,7 @@ ROUNDED = Arithmetic(
     log=_function(_CTX.ln, lambda x: 1 / x),
     sinc=_function(_DECIMAL.sinc, lambda x: sinc_slope(x, _CTX.cos(x), _DECIMAL.sinc(x))),
     log1p_ratio=_function(_DECIMAL.log1p_ratio, lambda x: log1p_ratio_slope(x, _DECIMAL.log1p_ratio(x))),
-    gauss=lambda n: [(Rounded(node, node), Rounded(w, w)) for node, w in gauss_nodes(n, _DIGITS)],
+    gauss=lambda n: [(Rounded(node, node), Rounded(w, w)) for node, w in gauss_nodes(n, _ROUNDING_DIGITS)],
     tables=(_DECIMAL, lambda v: Rounded(v, abs(v))),
     nudged=Dual,
     slope=lambda x: x.slope if isinstance(x, Dual) else _lift(0),

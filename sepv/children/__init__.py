@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 from sepv._lazy import lazily
 from sepv.children._deadline import TimedOut, deadline, one_process, returned_twice
 from sepv.children._journal import (
-    TICK,
+    LOOK_MAX_SECONDS,
     Crashed,
     Journal,
-    Limit,
     Message,
     Notes,
+    TimeLimit,
     attempted,
     collect_seldom,
     command_started,

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from sepv.children._child import Child
-from sepv.children._journal import GRACE, current_journal
+from sepv.children._journal import KILL_GRACE, current_journal
 
 # Reads lines "SECONDS TEXT" and prints the last text if no line follows in time, until stdin ends.
 _PROGRAM = """
@@ -33,7 +33,7 @@ def overheard(seconds: float) -> Iterator[Callable[[], None]]:
     """A context whose work should take at most `seconds`;
     the function that it gives begins the next such work.
 
-    GRACE seconds after the limit another process writes to stderr what ends this one. Where a
+    KILL_GRACE seconds after the limit another process writes to stderr what ends this one. Where a
     process watches already, or none can be started, nothing is done.
     """
     try:
@@ -44,8 +44,9 @@ def overheard(seconds: float) -> Iterator[Callable[[], None]]:
         yield lambda: None
         return
     text = (
-        f"{seconds + GRACE} sepv: no end {GRACE:g} s after the time limit of {seconds:g} s, which cannot interrupt "
-        "compiled code, nor code that catches every exception. `sepv verify`, or jobs=2 of sepv.verify, would have "
+        f"{seconds + KILL_GRACE} sepv: no end {KILL_GRACE:g} s after the time limit of {seconds:g} s, "
+        "which cannot interrupt compiled code, nor code that catches every exception. "
+        "`sepv verify`, or jobs=2 of sepv.verify, would have "
         f"ended it; kill -9 {os.getpid()} ends this process\n"
     )
 

@@ -24,11 +24,11 @@ from contextlib import suppress
 from tempfile import TemporaryFile
 from typing import Any
 
-from sepv.children._journal import BYTES, KEY, KEY_NAME, Notes, packed, unpacked
+from sepv.children._journal import KEY, KEY_NAME, MEMORY_BYTES, Notes, packed, unpacked
 from sepv.children._parent import end_with_parent, told_by_signal
 from sepv.children._watched import NoLine, Watched
 
-_LOG = 2000  # the last bytes of stderr, which an error shows
+_LOG_BYTES = 2000  # the last bytes of stderr, which an error shows
 _DEAF = "closed its input"
 
 
@@ -58,7 +58,7 @@ class Child(Watched):
         self.limit, self.owner, self.log = limit, os.getpid(), bytearray()
         with TemporaryFile() as file:
             if noted:
-                file.truncate(BYTES)
+                file.truncate(MEMORY_BYTES)
                 self.notes = Notes(file.fileno())
                 argv, options = [*argv, str(file.fileno())], options | {"pass_fds": (file.fileno(),)}
             with warnings.catch_warnings():
@@ -140,7 +140,7 @@ class Child(Watched):
         """Keep the end of what the child wrote to stderr."""
         with suppress(BlockingIOError):
             self.log += self.take(self.stderr)
-            del self.log[:-_LOG]
+            del self.log[:-_LOG_BYTES]
 
     def reap(self) -> int | None:
         """Return the exit code as `Watched.reap` does; `process` remembers it."""

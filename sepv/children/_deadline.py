@@ -13,7 +13,7 @@ from mmap import mmap
 from typing import Any
 
 # Seconds between two interruptions, in case a step swallows one.
-AGAIN = 1.0
+INTERRUPT_AGAIN_SECONDS = 1.0
 # The exit code of a copy.
 COPY = 71
 
@@ -31,8 +31,8 @@ def deadline(seconds: float) -> Iterator[None]:
 
     It interrupts Python code: in the main thread of a POSIX system also a call that waits, in other
     threads at the next line. It does not end a loop in compiled code, nor a block that catches
-    every exception. Processes that measure for others have a second limit, which kills (`Limit`);
-    of others another process says what to do (`overheard`).
+    every exception. Processes that measure for others have a second limit, which kills
+    (`TimeLimit`); of others another process says what to do (`overheard`).
     """
     main = threading.current_thread() is threading.main_thread()
     with (_by_signal if main and hasattr(signal, "setitimer") else _by_thread)(seconds):
@@ -50,7 +50,7 @@ def _by_signal(seconds: float) -> Iterator[None]:
 
     before, hook = signal.signal(signal.SIGALRM, stop), sys.unraisablehook
     sys.unraisablehook = unraisable
-    signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
+    signal.setitimer(signal.ITIMER_REAL, seconds, INTERRUPT_AGAIN_SECONDS)
     try:
         yield
     finally:
@@ -69,7 +69,7 @@ def _by_thread(seconds: float) -> Iterator[None]:
     def ring() -> None:
         left = seconds
         while not over.wait(min(left, threading.TIMEOUT_MAX)):
-            left = AGAIN
+            left = INTERRUPT_AGAIN_SECONDS
             with lock:
                 if not over.is_set():
                     raise_in(me, ctypes.py_object(TimedOut))

@@ -59,7 +59,7 @@ def unpacked(line: bytes) -> Any:
 
 # The size of the shared memory in bytes, and how many of these bytes hold the length of the note
 # that follows.
-BYTES, _SIZE = 1 << 20, 4
+MEMORY_BYTES, _SIZE = 1 << 20, 4
 
 # The number of new objects after which Python searches for cycles of objects, chosen for the speed
 # of `sepv verify`.
@@ -67,9 +67,9 @@ OBJECTS = 5000
 
 # Seconds after a time limit until the process that watches kills: a step that can be interrupted
 # has then ended.
-GRACE = 5.0
+KILL_GRACE = 5.0
 # The longest time between two looks at the clock.
-TICK = 0.5
+LOOK_MAX_SECONDS = 0.5
 
 
 class Message:
@@ -84,7 +84,7 @@ class Message:
     ANSWERED, LOST, END = "Ctrl-C is handled", "Ctrl-C was lost", "all is done but for Python's own end"
 
 
-class Limit:
+class TimeLimit:
     """A time limit that another process enforces, in seconds in which that process ran.
 
     While the whole job is stopped (Ctrl-Z, or a laptop asleep), no time passes: a look counts at
@@ -92,12 +92,12 @@ class Limit:
     """
 
     def __init__(self, seconds: float) -> None:
-        self.left, self.looked = seconds + GRACE, time.monotonic()
+        self.left, self.looked = seconds + KILL_GRACE, time.monotonic()
 
     def passed(self) -> bool:
-        """True if the time is over. To be asked once in TICK seconds."""
+        """True if the time is over. To be asked once in LOOK_MAX_SECONDS seconds."""
         now = time.monotonic()
-        self.left -= min(now - self.looked, 2 * TICK)
+        self.left -= min(now - self.looked, 2 * LOOK_MAX_SECONDS)
         self.looked = now
         return self.left <= 0
 
@@ -107,7 +107,7 @@ KILLED = "was killed"
 
 def out_of_time(seconds: float) -> str:
     """Describe the end of a process that was killed at its time limit."""
-    return f"{KILLED}: no end within {seconds:g} s (--timeout) and {GRACE:g} s more"
+    return f"{KILLED}: no end within {seconds:g} s (--timeout) and {KILL_GRACE:g} s more"
 
 
 class Crashed(Exception):
@@ -134,11 +134,11 @@ class Notes:
     """
 
     def __init__(self, file: int = -1) -> None:
-        self.memory = mmap(file, BYTES)
+        self.memory = mmap(file, MEMORY_BYTES)
 
     def put(self, text: bytes) -> None:
         """Replace the note; if the text is too long, the note is empty."""
-        size = len(text) if len(text) <= BYTES - _SIZE else 0
+        size = len(text) if len(text) <= MEMORY_BYTES - _SIZE else 0
         self.memory[_SIZE : _SIZE + size] = text[:size]
         self.memory[:_SIZE] = size.to_bytes(_SIZE, "big")
 
@@ -183,8 +183,8 @@ def attempted(key: str, work: Callable[[], T], *, kept: bool = True, seconds: fl
     """Do the work with this key and return its result. If `kept`, the result is pickled,
     and computed once in a run.
 
-    `seconds` is the work's own time limit. GRACE seconds later the watcher kills a process that
-    does not keep it.
+    `seconds` is the work's own time limit. KILL_GRACE seconds later the watcher kills a process
+    that does not keep it.
 
     Raises
     ------

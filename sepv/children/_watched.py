@@ -12,7 +12,7 @@ from contextlib import suppress
 
 from sepv.children._journal import ended_with
 
-_CHUNK = 1 << 16
+_READ_BYTES = 1 << 16
 
 
 class NoLine(Exception):
@@ -81,8 +81,10 @@ class Watched:
                 self.gone = self.gone or "closed its output"
 
     def take(self, pipe: int) -> bytes:
-        """Read what a pipe holds, at most _CHUNK bytes; at its end `pump` stops listening to it."""
-        data = os.read(pipe, _CHUNK)
+        """Read what a pipe holds, at most _READ_BYTES bytes; at its end `pump` stops listening to
+        it.
+        """
+        data = os.read(pipe, _READ_BYTES)
         if not data:
             self.selector.unregister(pipe)
         return data

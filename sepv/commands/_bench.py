@@ -14,7 +14,7 @@ from sepv.console import counted, print_table
 from sepv.errors import UsageError
 
 Case = dict[str, Any]
-STYLES = {"worse": "bold red", "better": "green", "not settled": "yellow", "same": ""}
+CHANGE_STYLES = {"worse": "bold red", "better": "green", "not settled": "yellow", "same": ""}
 EXITS = """Exit codes: 0 nothing is worse; 1 a counter, an error or a time is worse; 2 wrong usage; 3 the scheme
 crashed, or could not be loaded."""
 
@@ -158,9 +158,11 @@ def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> N
     for c in checks:
         if c.verdict != "same" or "time" in c.what:
             line = Text(f"{c.target}, {c.case}: {c.what} ")
-            out.print(line.append(c.verdict, style=STYLES[c.verdict]).append(f"  {c.text}"), soft_wrap=True)
+            out.print(
+                line.append(c.verdict, style=CHANGE_STYLES[c.verdict]).append(f"  {c.text}"), soft_wrap=True
+            )
     counts = Counter(c.verdict for c in checks)
-    verdicts = ", ".join(f"{counts[v]} {v}" for v in STYLES if counts[v])
+    verdicts = ", ".join(f"{counts[v]} {v}" for v in CHANGE_STYLES if counts[v])
     out.print(f"{counted(len(checks), 'check')}: {verdicts}.")
     if counts["better"]:
         out.print("Better than the other side: a file that guards the new state is written with --save.")

@@ -13,13 +13,13 @@ import click
 from sepv._arguments import did_you_mean
 from sepv._version import __version__
 from sepv.children import collect_seldom
-from sepv.commands._shared import EXIT_CODES, WORDS, interruptible
+from sepv.commands._shared import EXIT_CODES, WORDS_KEY, interruptible
 from sepv.console import cannot_show, never_fail
 from sepv.files import cache_folder
 
 # The commands by heading, in the order of --help: each name is that of its module in
 # `sepv.commands`.
-GROUPS = {
+COMMAND_GROUPS = {
     "Commands": (
         "verify",
         "compare",
@@ -34,7 +34,7 @@ GROUPS = {
     "Other libraries": ("peers",),
     "For specialists": ("exact", "step", "hard", "growth", "solvability", "teeth"),
 }
-COMMANDS = tuple(name for names in GROUPS.values() for name in names)
+COMMANDS = tuple(name for names in COMMAND_GROUPS.values() for name in names)
 _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 
 
@@ -49,7 +49,7 @@ class _Commands(click.Group):
                 never_fail(stream)
         with interruptible():
             context = super().make_context(info_name, args, *more, **extra)
-        context.meta[WORDS] = words
+        context.meta[WORDS_KEY] = words
         return context
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -73,7 +73,7 @@ class _Commands(click.Group):
         """List the commands under their headings, in one column."""
         width = max(map(len, COMMANDS))
         limit = formatter.width - 6 - width
-        for heading, names in GROUPS.items():
+        for heading, names in COMMAND_GROUPS.items():
             with formatter.section(heading):
                 entries = ((name, self.get_command(ctx, name)) for name in names)
                 formatter.write_dl([(n.ljust(width), c.get_short_help_str(limit)) for n, c in entries if c])

@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 # The largest default number of steps. There are at most five, each twice the one before. The
 # smallest makes the step to T = 1 a quarter of the longest step that the problem states, or 1/8 if
 # it states none.
-MOST_STEPS = 1024
+DEFAULT_MAX_STEPS = 1024
 
 
 @click.command(short_help="Error, defects, time and work of schemes, side by side.")
 @click.argument("targets", nargs=-1, metavar="SCHEME...")
-@cli.PROBLEM
+@cli.PROBLEM_OPTION
 @cli.EXEC
 @cli.INITIAL
 @click.option("--time", "T", type=cli.POSITIVE, help="T. [default: 1]")
-@click.option("--steps", type=cli.Numbers(int), help="Numbers of steps, such as 8,16,32.")
+@click.option("--steps", type=cli.NumberList(int), help="Numbers of steps, such as 8,16,32.")
 @click.option("--paths", type=click.IntRange(min=1), help="How many paths. [default: 1000, without noise 1]")
 @click.option(
     "--no-noise", is_flag=True, help="The problem with c = (): a trajectory, its error at T and its |ΔH|."
@@ -39,7 +39,7 @@ MOST_STEPS = 1024
 @click.option("--repeats", type=cli.COUNT, default=5, help="Timed rounds.")
 @click.option("--seed", type=cli.NATURAL, default=0, help="Of the paths.")
 @click.option(
-    "--error", "errors", type=cli.Numbers(float), default="1e-2,1e-4,1e-6",
+    "--error", "errors", type=cli.NumberList(float), default="1e-2,1e-4,1e-6",
     help="Strong errors for which the time is shown.",
 )  # fmt: skip
 @click.option("--peers", is_flag=True, help="And every peer whose library is installed.")
@@ -89,7 +89,7 @@ def compare(
             system = replace(system, initial=options["initial"], check=False)
         system = quiet_problem(system) if options["no_noise"] else system
         coarsest = math.ceil(4 / (system.longest_step or 0.5))
-        usual = tuple(n for n in (coarsest * 2**k for k in range(5)) if n <= max(coarsest, MOST_STEPS))
+        usual = tuple(n for n in (coarsest * 2**k for k in range(5)) if n <= max(coarsest, DEFAULT_MAX_STEPS))
         T, steps = options["T"] or 1.0, options["steps"] or usual
         names = list(dict.fromkeys((*targets, *(_peers() if options["peers"] else ()))))
         if not names and not programs:

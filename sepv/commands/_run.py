@@ -12,12 +12,12 @@ from sepv.commands import _shared as cli
 from sepv.console import Column, Table, print_table
 from sepv.errors import UsageError
 from sepv.files import finite
-from sepv.schemes import POINT_LAWS as NAMES
+from sepv.schemes import POINT_LAWS
 
 
 @click.command(short_help="One path over many steps.")
 @click.argument("scheme", required=False)
-@cli.PROBLEM
+@cli.PROBLEM_OPTION
 @cli.EXEC
 @click.option("--h", "h", type=float, default=0.01, help="The step size.")
 @click.option(
@@ -31,7 +31,9 @@ from sepv.schemes import POINT_LAWS as NAMES
 @click.option("--every", type=float, help="Keep the state after each so many steps [default: a thousandth].")
 @click.option("--compensated", is_flag=True, help="Kahan's summation of the steps.")
 @click.option(
-    "--increments", type=click.Choice(NAMES), help="Instead of those the scheme is meant for (weak schemes)."
+    "--increments",
+    type=click.Choice(POINT_LAWS),
+    help="Instead of those the scheme is meant for (weak schemes).",
 )
 @click.option("--engine", type=click.Choice(["auto", "numpy", "compiled"]), default="auto")
 @click.option("--json", "json_file", type=cli.OUT, help="Write the kept states and defects.")

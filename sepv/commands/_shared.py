@@ -24,7 +24,7 @@ from sepv.files import require_folder
 EXIT_CODES = """Exit codes: 0 all claimed laws hold; 1 a claimed law is violated, or not shown to hold within the
 budget; 2 wrong usage; 3 the scheme crashed, hung, or could not be loaded; 70 sepv itself failed; 130 interrupted."""
 # The key of the typed command line in click's context.
-WORDS = "sepv.words"
+WORDS_KEY = "sepv.words"
 # Errors of the system that no other arguments mend: a full or broken device, no more descriptors,
 # memory or processes.
 _LACKING = {
@@ -64,8 +64,6 @@ class Finite(click.FloatRange):
 
 
 NATURAL, COUNT, POSITIVE = click.IntRange(min=0), click.IntRange(min=1), Finite(min=0, min_open=True)
-# The longest time in seconds, thirty years, because a clock cannot count further.
-SECONDS = 1e9
 Names = tuple[str, ...]
 
 
@@ -89,7 +87,7 @@ def save_json(path: str | None, name: str, data: dict[str, Any], *, indent: int 
 def typed() -> str:
     """The command line as it was typed; empty outside a command."""
     context = click.get_current_context(silent=True)
-    return str(context.meta.get(WORDS, "")) if context else ""
+    return str(context.meta.get(WORDS_KEY, "")) if context else ""
 
 
 def listed(_context: click.Context, _parameter: click.Parameter, values: Names) -> Names:
@@ -102,7 +100,7 @@ def listed(_context: click.Context, _parameter: click.Parameter, values: Names) 
     return names
 
 
-class Numbers(click.ParamType):  # type: ignore[type-arg]  # generic in the newest click alone
+class NumberList(click.ParamType):  # type: ignore[type-arg]  # generic in the newest click alone
     """The type of an option that takes several numbers separated by commas,
     and returns them as a tuple.
     """
@@ -122,7 +120,7 @@ class Numbers(click.ParamType):  # type: ignore[type-arg]  # generic in the newe
             self.fail(f"{value!r} is not a list of numbers with commas between them", param, ctx)
 
 
-PROBLEM = click.option(
+PROBLEM_OPTION = click.option(
     "--problem", "-p", default="rigid-body", metavar="PROBLEM", help="By name, file.json or module:attribute."
 )
 CLAIM = click.option(
@@ -134,7 +132,7 @@ EXEC = click.option(
 )  # fmt: skip
 
 INITIAL = click.option(
-    "--y", "initial", type=Numbers(float), help="Initial state. [default: the problem's own]"
+    "--y", "initial", type=NumberList(float), help="Initial state. [default: the problem's own]"
 )
 
 

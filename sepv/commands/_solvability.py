@@ -18,7 +18,7 @@ from sepv.files import write_atomically
 if TYPE_CHECKING:
     from sepv.studies import Exits, Map
 
-STEPS = tuple(2.0**-n for n in range(1, 11))
+SOLVABILITY_STEP_SIZES = tuple(2.0**-n for n in range(1, 11))
 # The states are dense enough if the mean over all and the mean over every second one differ by at
 # most this share.
 MEAN_TOLERANCE = 0.2
@@ -36,7 +36,9 @@ FOLLOWED = tuple(2.0**-n for n in range(4, 10))
 @click.option("--time", type=cli.Finite(min=0), default=10.0, help="Length of the orbit.")
 @click.option("--grid", type=click.IntRange(min=2), default=80, help="Points of Δ on each side of 0.")
 @cli.INITIAL
-@click.option("--noise", type=cli.Numbers(float), help="The c_j, such as 1,0.5. [default: the problem's own]")
+@click.option(
+    "--noise", type=cli.NumberList(float), help="The c_j, such as 1,0.5. [default: the problem's own]"
+)
 @click.option(
     "--truncation", type=cli.NATURAL, help="k of Remark 2.1; 0 for none. [default: each scheme's own]"
 )
@@ -103,12 +105,14 @@ def solvability(
                 chosen, method, FOLLOWED, until=until, paths=paths, k=method.truncation if truncation is None else k,
                 y0=y0, seed=seed, seconds=seconds / len(followed), progress=line.update,
             )  # fmt: skip
-    data = regions.to_json(STEPS, k) | {"paths": [e.to_json() for e in exits]}
+    data = regions.to_json(SOLVABILITY_STEP_SIZES, k) | {"paths": [e.to_json() for e in exits]}
     cli.save_json(json_file, "solvability", data, indent=None)
     if picture:
         from sepv.studies import draw_solvability as draw
 
-        write_atomically(picture, draw(regions, STEPS, k, Path(picture).suffix.lower(), exits))
+        write_atomically(
+            picture, draw(regions, SOLVABILITY_STEP_SIZES, k, Path(picture).suffix.lower(), exits)
+        )
     _show(regions, furthest, k, out)
     _show_exits(exits, out)
 
@@ -143,7 +147,7 @@ def _show(regions: Map, furthest: float, k: int | None, out: Any) -> None:
     out.print(f"\nP(Δ of a step is off the branch), c = {regions.problem.c.tolist()}, {law}:")
     print_table(_table(regions, k), out)
     rough = []  # step sizes whose mean depends on the choice of states
-    for h in STEPS:
+    for h in SOLVABILITY_STEP_SIZES:
         p = regions.chances(h, k)
         mean, half = float(p.mean()), float(p[::2].mean())
         if abs(mean - half) > MEAN_TOLERANCE * mean or (mean == 0 and regions.worst(h, k) > 0):
@@ -161,7 +165,7 @@ def _table(regions: Map, k: int | None) -> Table:
     y0.
     """
     rows = []
-    for h in STEPS:
+    for h in SOLVABILITY_STEP_SIZES:
         p = float(regions.chances(h, k).mean())
         path = 1 - (1 - p) ** round(1 / h)
         rows.append((f"2^{round(math.log2(h))}", *(f"{v:.2g}" for v in (p, regions.worst(h, k), path))))

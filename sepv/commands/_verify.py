@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from sepv._arguments import MAX_SECONDS
 from sepv.children import attempted, cores, start_ahead
 from sepv.commands import _shared as cli
 from sepv.commands._watch import followed
@@ -19,7 +20,7 @@ from sepv.errors import UsageError
 from sepv.files import made, write_atomically
 
 # The beginning of a target that is a program: exec:COMMAND.
-PROGRAM = "exec:"
+PROGRAM_PREFIX = "exec:"
 
 
 @click.command(epilog=cli.EXIT_CODES, short_help="Measure every law on a scheme.")
@@ -64,14 +65,14 @@ PROGRAM = "exec:"
 )  # fmt: skip
 @click.option("--deep", is_flag=True, help="The nightly effort: 1000 examples, 20 designs, 16384 paths.")
 @click.option("--no-corpus", is_flag=True, help="Leave out the known witnesses, which are asked first.")
-@click.option("--timeout", type=cli.Finite(0.1, cli.SECONDS), default=600.0, help="Seconds a law.")
+@click.option("--timeout", type=cli.Finite(0.1, MAX_SECONDS), default=600.0, help="Seconds a law.")
 @click.option(
     "--exec", "program", metavar="COMMAND", help="Verify a program in any language (docs/protocol.md)."
 )
 @click.option(
     "--check-protocol", is_flag=True, help="With --exec: say line by line what the program does wrong."
 )
-@click.option("--call-timeout", type=cli.Finite(0.01, cli.SECONDS), default=10.0, help="With --exec.")
+@click.option("--call-timeout", type=cli.Finite(0.01, MAX_SECONDS), default=10.0, help="With --exec.")
 @click.option(
     "-j", "--jobs", type=cli.COUNT,
     help="Processes for the laws. [default: 1; for all laws of a built-in scheme one per core, up to 4]",
@@ -98,8 +99,8 @@ def verify(targets: cli.Names, laws: cli.Names, **options: Any) -> None:
     sepv verify mymodule:step -p canonical-separable -p mymodule:problem
     sepv verify mymodule:step --agrees-with 'exec:./original' --law agreement
     """
-    if len(targets) == 1 and targets[0].startswith(PROGRAM) and not options["program"]:
-        options["program"], targets = targets[0].removeprefix(PROGRAM), ()
+    if len(targets) == 1 and targets[0].startswith(PROGRAM_PREFIX) and not options["program"]:
+        options["program"], targets = targets[0].removeprefix(PROGRAM_PREFIX), ()
     if bool(targets) == bool(options["program"]):
         raise UsageError(
             expected="a TARGET, or a program with --exec",
@@ -135,11 +136,11 @@ def _twin(options: dict[str, Any], programs: ExitStack) -> Any:
     from sepv.schemes import Twin, as_twin
 
     words = options["agrees_with"]
-    if words is None or not words.startswith(PROGRAM):
+    if words is None or not words.startswith(PROGRAM_PREFIX):
         return as_twin(words, options["bits"])
     from sepv.external import load_program
 
-    command = words.removeprefix(PROGRAM)
+    command = words.removeprefix(PROGRAM_PREFIX)
     scheme = programs.enter_context(load_program(command, call_timeout=options["call_timeout"]))
     return Twin(scheme, options["bits"], shlex.quote(words))
 

@@ -26,11 +26,11 @@ from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 from sepv.children import (
-    TICK,
+    LOOK_MAX_SECONDS,
     Journal,
-    Limit,
     Message,
     Notes,
+    TimeLimit,
     Watched,
     ended_with,
     kill_tree,
@@ -43,7 +43,7 @@ from sepv.errors import said
 
 # Seconds until Ctrl-C is sent again, until a lost Ctrl-C is sent again, until a child that does not
 # answer is killed.
-AGAIN, AGAIN_LOST, PATIENCE = 0.5, 0.05, 1.2
+CTRL_C_AGAIN, LOST_CTRL_C_AGAIN, ANSWER_SECONDS = 0.5, 0.05, 1.2
 # Seconds within which a Ctrl-C from the terminal and one from the watcher count as one.
 SAME_INTERRUPT_SECONDS = 0.2
 # Signals that end a process from outside, which is no crash.
@@ -67,7 +67,7 @@ class _Heard:
     crashes: dict[str, tuple[str, bytes]] = field(default_factory=dict)
     begun: str | None = None
     seconds: float = math.inf
-    limit: Limit | None = None
+    limit: TimeLimit | None = None
     started: bool = False
     answered: bool = False
     lost: bool = False
@@ -80,7 +80,7 @@ class _Heard:
             self.started = True
         elif kind == Message.BEGIN:
             self.begun, self.seconds = what
-            self.limit = Limit(self.seconds)
+            self.limit = TimeLimit(self.seconds)
         elif kind in (Message.RESULT, Message.BACK):
             if kind == Message.RESULT and self.begun is not None:
                 self.results[self.begun] = what
@@ -90,7 +90,7 @@ class _Heard:
         elif kind == Message.LOST:
             self.lost = True
         elif kind == Message.END:
-            self.code, self.limit = what, Limit(ATEXIT_SECONDS)
+            self.code, self.limit = what, TimeLimit(ATEXIT_SECONDS)
 
     def crash(self, status: str) -> bool:
         """Record a crash of a process; True if it occurred in a measurement,
@@ -190,8 +190,8 @@ class _Fork(Watched):
         None if a new child must continue the run.
         """
         while True:
-            seconds = None if self.heard.limit is None else TICK
-            self.pump(seconds if self.since is None else AGAIN_LOST / 2)
+            seconds = None if self.heard.limit is None else LOOK_MAX_SECONDS
+            self.pump(seconds if self.since is None else LOST_CTRL_C_AGAIN / 2)
             if self.at_once:
                 return self._interrupted(now=True)
             self._hear()
@@ -204,13 +204,13 @@ class _Fork(Watched):
                 return self._ended(0, killed=True)
             if self.since is not None and not self.heard.answered:
                 waited = time.monotonic() - self.since
-                if waited > PATIENCE:
+                if waited > ANSWER_SECONDS:
                     return self._interrupted(now=True)
                 if waited > self.again:
-                    self.again = waited + AGAIN
+                    self.again = waited + CTRL_C_AGAIN
                     self._send(signal.SIGINT)
                 elif self.heard.lost:
-                    self.heard.lost, self.again = False, waited + AGAIN_LOST
+                    self.heard.lost, self.again = False, waited + LOST_CTRL_C_AGAIN
 
     def forward(self) -> None:
         """Forward the signals that this process received to the child. A second Ctrl-C ends it at
@@ -220,7 +220,7 @@ class _Fork(Watched):
             for number in os.read(self.bell, 64):
                 if number == signal.SIGINT:
                     self.at_once = self.since is not None
-                    self.since, self.again = self.since or time.monotonic(), AGAIN
+                    self.since, self.again = self.since or time.monotonic(), CTRL_C_AGAIN
                 if number in ENDED and not self.at_once:
                     self._send(number)
 
@@ -319,7 +319,7 @@ def _be_watched(work: Callable[[], Any], journal: Journal, parent: int, heeds: b
         # A destructor or a callback of the garbage collector swallowed Ctrl-C. The watcher sends it
         # again afterwards.
         journal.send(Message.LOST, None)
-        deaf_until = time.monotonic() + AGAIN_LOST / 2
+        deaf_until = time.monotonic() + LOST_CTRL_C_AGAIN / 2
 
     before, sys.unraisablehook = sys.unraisablehook, unraisable
     if heeds:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sepv._lazy import lazily
-from sepv.console._progress import Shown, showing
+from sepv.console._progress import ShownProgress, showing
 from sepv.console._tables import (
     Column,
     Table,

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 # Without a bar, lines are printed after these seconds, then one every REPEAT seconds.
-FIRST = 2.0
-FIRST_LINES = (FIRST, 5.0, 10.0, 20.0)
+FIRST_LINE_SECONDS = 2.0
+FIRST_LINES = (FIRST_LINE_SECONDS, 5.0, 10.0, 20.0)
 REPEAT = 20.0
 # Seconds between two checks of the work once a line is printed, so that a violation is shown soon.
-TICK = 0.2
+WORK_CHECK_SECONDS = 0.2
 
 
-class Shown:
+class ShownProgress:
     """The progress of a command: the share that is done and the current work,
     which a display thread reads.
     """
@@ -75,9 +75,9 @@ def _about(left: float) -> str:
 
 
 @contextmanager
-def showing(quiet: bool = False) -> Iterator[Shown]:
-    """Show the messages of `Shown.update` on stderr until the block ends."""
-    shown, done = Shown(), threading.Event()
+def showing(quiet: bool = False) -> Iterator[ShownProgress]:
+    """Show the messages of `ShownProgress.update` on stderr until the block ends."""
+    shown, done = ShownProgress(), threading.Event()
     if quiet:
         yield shown
         return
@@ -99,12 +99,12 @@ def showing(quiet: bool = False) -> Iterator[Shown]:
         thread.join(1.0)
 
 
-def _lines(shown: Shown, out: Console, done: threading.Event) -> None:
+def _lines(shown: ShownProgress, out: Console, done: threading.Event) -> None:
     marks, last = list(FIRST_LINES), 0.0
     while True:
         mark = marks.pop(0) if marks else last + REPEAT
         while (left := shown.started + mark - time.monotonic()) > 0:
-            if done.wait(min(left, TICK)):
+            if done.wait(min(left, WORK_CHECK_SECONDS)):
                 return
             if last:
                 _say(shown, out)
@@ -113,20 +113,20 @@ def _lines(shown: Shown, out: Console, done: threading.Event) -> None:
         out.print(shown.line(), soft_wrap=True)
 
 
-def _say(shown: Shown, out: Console) -> None:
+def _say(shown: ShownProgress, out: Console) -> None:
     while shown.found:
         out.print(shown.found.pop(0), soft_wrap=True)
 
 
-def _bar(shown: Shown, out: Console, done: threading.Event) -> None:
+def _bar(shown: ShownProgress, out: Console, done: threading.Event) -> None:
     from rich.progress import BarColumn, TaskProgressColumn, TextColumn
     from rich.progress import Progress as Bar
 
     columns: tuple[Any, ...] = (BarColumn(20), TaskProgressColumn(), TextColumn("{task.description}"))
     with Bar(*columns, console=out, transient=True) as bar:
         task = bar.add_task("", total=1.0)
-        while not done.wait(TICK):
-            if time.monotonic() - shown.started > FIRST:
+        while not done.wait(WORK_CHECK_SECONDS):
+            if time.monotonic() - shown.started > FIRST_LINE_SECONDS:
                 _say(shown, out)
             left = shown.seconds_left
             text = f"{_about(left)}  {shown.doing()}" if left is not None else shown.doing()

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     Cell = str | Text
 
 # The least width at which a column of words reads well.
-WORDS = 24
+WORDS_MIN_WIDTH = 24
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def _laid(table: Table, width: int) -> tuple[dict[str, int], int]:
     """
     room = width - _edges(table, width)
     least = 2 if _ruled(table, width) else 1
-    for whole, words, between in ((True, WORDS, 2), (False, WORDS, 2), (False, 0, least)):
+    for whole, words, between in ((True, WORDS_MIN_WIDTH, 2), (False, WORDS_MIN_WIDTH, 2), (False, 0, least)):
         needed = _needed(table, whole=whole, words=words)
         if sum(needed[c.heading] + between for c in table.columns) <= room:
             break

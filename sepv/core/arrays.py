@@ -28,7 +28,7 @@ EPS, TINY = 2.0**-52, 2.0**-1022
 ONE_SUM_MAX_SIZE = 96
 # The width of forward differences, relative to the state, and the most states in one batch of them.
 # Larger batches need more memory and are not faster.
-WIDTH, TOGETHER = 2.0**-26, 256
+DIFFERENCE_WIDTH, DIFFERENCE_MAX_STATES = 2.0**-26, 256
 
 
 def _is_small(A: Array, products: int) -> bool:
@@ -123,9 +123,9 @@ def forward_differences(R: OfLanes, inside: OfLanes | None, z: Array, base: Arra
     also get the path number of each copy.
     """
     n, M = z.shape
-    width = WIDTH * np.maximum(reach, TINY)
+    width = DIFFERENCE_WIDTH * np.maximum(reach, TINY)
     jacobian = np.empty((len(base), n, M))
-    together = max(1, TOGETHER // max(M, 1))
+    together = max(1, DIFFERENCE_MAX_STATES // max(M, 1))
     for first in range(0, n, together):
         columns = np.arange(first, min(first + together, n))
         count = len(columns)

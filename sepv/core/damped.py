@@ -11,7 +11,7 @@ from sepv.core.newton import Inside, Root, Status
 
 # The most damped iterations, and the smallest factor λ of a correction.
 MAX_DAMPED = 100
-SMALLEST_SHARE = 2.0**-20
+DAMPING_MIN_SHARE = 2.0**-20
 
 # The functions F(z, lanes), (n, M), and ∂F/∂z at z, (n, n, M), where F has the given value.
 Residual = Callable[[Array, Lanes], Array]
@@ -75,7 +75,7 @@ def take_share(
         obstacle = np.where(np.isfinite(after), Status.NO_CONVERGENCE, Status.OVERFLOW)
         obstacle = np.where(stays, obstacle, Status.LEFT_DOMAIN)
         share[where[~good]] *= 0.5
-        blocked = ~good & (share[where] < SMALLEST_SHARE)
+        blocked = ~good & (share[where] < DAMPING_MIN_SHARE)
         root.status[where[blocked]] = obstacle[blocked]
         pending = pending[~good & ~blocked]
     return moved

@@ -16,11 +16,11 @@ import numpy as np
 
 from sepv.core.arrays import EPS, Array, Lanes, forward_differences, linear_solve, matvec
 from sepv.core.damped import approach
-from sepv.core.newton import ROUNDING, STAGNATION, Flagged, Inside, Root, Status, newton
+from sepv.core.newton import RESIDUAL_ROUNDING, STAGNATION, Flagged, Inside, Root, Status, newton
 
 # The rounding of a sum of a dozen terms, relative to the sum of their absolute values: far below
 # the constant K of `sepv.law.tolerance`.
-TERMS = 16 * EPS
+SUM_ROUNDING = 16 * EPS
 
 
 class Evaluation(NamedTuple):
@@ -92,9 +92,9 @@ class Equations:
         start, size = np.zeros_like(z), self.size[:, lanes]
         K = self.slope(start, lanes, self.evaluate(start, lanes), differences=False)
         scale = (size + np.abs(z)).max(axis=0)
-        allowed: Array = ROUNDING * (scale + 16 * matvec(np.abs(K), size).max(axis=0))
+        allowed: Array = RESIDUAL_ROUNDING * (scale + 16 * matvec(np.abs(K), size).max(axis=0))
         if self.magnitude is not None:
-            allowed = np.fmax(allowed, TERMS * self.magnitude(z, lanes))
+            allowed = np.fmax(allowed, SUM_ROUNDING * self.magnitude(z, lanes))
         return allowed
 
 

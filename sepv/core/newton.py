@@ -43,7 +43,7 @@ STAGNATION = float(np.sqrt(EPS))
 # The largest residual, relative to the state, that counts as rounding: R has a few hundred
 # operations, each rounded at the scale of y. Without this bound, corrections that shrink slowly,
 # because Newton's matrix is approximate for some H, would count as stagnation.
-ROUNDING = 256 * EPS
+RESIDUAL_ROUNDING = 256 * EPS
 # The largest relative error with which the iteration may stop: 2⁻¹⁰ of a rounding.
 STOP_ERROR = 2.0**-62
 
@@ -261,7 +261,7 @@ def is_rounding(
     residual: Any, scale: Any, rounding: Rounding | None, z: Array, lanes: Lanes, closely: Any
 ) -> Any:
     """True where the residual is rounding of y, or in lanes flagged in `closely` of R."""
-    small = residual <= ROUNDING * scale + ZERO_RESIDUAL
+    small = residual <= RESIDUAL_ROUNDING * scale + ZERO_RESIDUAL
     larger = np.flatnonzero(closely & (small ^ True))
     if rounding is not None and larger.size:
         small, residual = np.array(small, ndmin=1), np.atleast_1d(residual)

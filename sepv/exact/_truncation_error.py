@@ -31,7 +31,7 @@ from sepv.simulate import truncation_bound
 
 # The number of trapezoidal nodes for E|f|², and their range in standard deviations of θ(T): exact
 # to 1e-8 for smooth f.
-NODES, REACH = 49, 6.0
+THETA_NODES, THETA_REACH = 49, 6.0
 
 
 def lost_mean_square(A: float) -> float:
@@ -86,7 +86,7 @@ def clipping_error(
 
 def _speed(problem: Problem, mean: float, deviation: float, y0: ArrayLike | None) -> float:
     """The mean E|f(y)|², where y is the exact flow at a random time ~ N(`mean`, `deviation`²)."""
-    x = np.linspace(-REACH, REACH, NODES)
+    x = np.linspace(-THETA_REACH, THETA_REACH, THETA_NODES)
     weights = np.exp(-0.5 * x * x)
     y = exact_flow(problem, mean + deviation * x, y0).y
     f = vector_field(problem, y)

@@ -14,7 +14,7 @@ from sepv._arguments import did_you_mean
 from sepv.errors import SchemeFault, SepvError, Skipped, unknown_name
 from sepv.external._child import STOP_GRACE
 from sepv.external._errors import BadAnswer, StepRefused, clean
-from sepv.external._messages import MOST_STEPS, Hello
+from sepv.external._messages import MESSAGE_MAX_STEPS, Hello
 from sepv.external._program import GOOD_END, Program
 from sepv.problem import Array, PolynomialSystem, Problem
 
@@ -155,7 +155,7 @@ def _try_step(problem: Problem, y: Array, h: float, dW: Array, program: Program)
 
 
 def _try_batch(problem: Problem, y: Array, h: float, dW: Array, program: Program) -> str:
-    count = min(program.hello().max_steps, MOST_STEPS)
+    count = min(program.hello().max_steps, MESSAGE_MAX_STEPS)
     factors = 1 + 0.25 * np.arange(count) / count
     batch = program.step(problem, y[:, None] * factors, h, np.repeat(dW[:, None], count, axis=1))
     size = len(program.sent)

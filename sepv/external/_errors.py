@@ -62,7 +62,7 @@ class WrongShape(SchemeFault):
     """An answer has the wrong number of states, or the wrong dimension."""
 
 
-class NotFinite(SchemeFault):
+class NotFiniteAnswer(SchemeFault):
     """A returned state has NaN, an infinity, or a number outside of the range of binary64."""
 
 

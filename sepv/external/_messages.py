@@ -14,14 +14,13 @@ from typing import Any
 from sepv._arguments import hex_float, parse_json
 from sepv.errors import Skipped
 from sepv.external._child import ProgramChild
-from sepv.external._errors import BadAnswer, NotFinite, NotJson, WrongId, WrongShape, clean, shown
+from sepv.external._errors import BadAnswer, NotFiniteAnswer, NotJson, WrongId, WrongShape, clean, shown
 from sepv.problem import NamedProblem, PolynomialSystem, Problem, problem_to_json
-from sepv.schemes import NORMAL
-from sepv.schemes import POINT_LAWS as NAMES
+from sepv.schemes import NORMAL, POINT_LAWS
 
 PROTOCOL = 1
 # The largest number of steps in a message, also if a program accepts more.
-MOST_STEPS = 1024
+MESSAGE_MAX_STEPS = 1024
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,7 @@ _HELLO: dict[str, tuple[Callable[[Any], bool], str]] = {
     "order": (_order, "a number > 0, or null"),
     "solver_tolerance": (lambda v: type(v) in (int, float) and 0 <= v < 1, "a number from 0 to 1"),
     "truncation": (lambda v: v is None or _count(v), "an integer ≥ 1, or null"),
-    "increments": (lambda v: v in NAMES, f"one of {', '.join(NAMES)}"),
+    "increments": (lambda v: v in POINT_LAWS, f"one of {', '.join(POINT_LAWS)}"),
     "problems": (_names, "a list of names of problems"),
     "polynomial": (lambda v: type(v) is bool, "true or false"),
     "max_steps": (_count, "an integer ≥ 1"),
@@ -158,7 +157,7 @@ def _double(text: Any) -> float:
             remedy="print doubles as C's %a does: decimal text loses bits unless both sides take care",
         ) from None
     if not math.isfinite(number):
-        raise NotFinite(
+        raise NotFiniteAnswer(
             expected="finite numbers in y_next",
             received=text[:80],
             remedy='answer "error" with a reason where a step cannot be made',

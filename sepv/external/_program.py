@@ -22,7 +22,16 @@ from sepv.errors import ProtocolWarning, Skipped, UsageError
 from sepv.external import _errors as errors
 from sepv.external._child import LINE_LIMIT, STOP_GRACE, ProgramChild
 from sepv.external._errors import StepRefused, clean, shown
-from sepv.external._messages import MOST_STEPS, PROTOCOL, Hello, decode, read_hello, row, states, travelling
+from sepv.external._messages import (
+    MESSAGE_MAX_STEPS,
+    PROTOCOL,
+    Hello,
+    decode,
+    read_hello,
+    row,
+    states,
+    travelling,
+)
 from sepv.problem import Array, Problem
 from sepv.problems import PAPER
 from sepv.schemes import Scheme, as_lanes
@@ -193,7 +202,7 @@ class Program:
             for a, b in zip(state.T.tolist(), noise.T.tolist(), strict=True)
         ]
         rows: list[list[float]] = []
-        size = min(greeting.max_steps, MOST_STEPS)
+        size = min(greeting.max_steps, MESSAGE_MAX_STEPS)
         for first in range(0, len(texts), size):
             part = texts[first : first + size]
             kind, answer = self.ask(head + ",".join(part) + "]")

@@ -31,7 +31,7 @@ from .saboteurs import SABOTEURS, Saboteur
 
 SEEDS = tuple(range(10))
 # The time limit of one law in seconds. A law takes one to ten; a slower saboteur ends in an error.
-TIMEOUT = 120.0
+DETECTION_TIMEOUT = 120.0
 # No checks are spent on simplifying a counterexample. So `Finding.checks` is the number of examples
 # up to and including the first failure.
 _NO_SHRINKING = 0
@@ -126,13 +126,13 @@ def detect(
 
     for chosen in laws:
         measured += load_laws([chosen])
-        findings[chosen] = measure(measured[-1], scheme, run, TIMEOUT)
+        findings[chosen] = measure(measured[-1], scheme, run, DETECTION_TIMEOUT)
         if first and findings[chosen].along:
-            along_paths(scheme, measured, findings, name, TIMEOUT)
+            along_paths(scheme, measured, findings, name, DETECTION_TIMEOUT)
         if first and any(d.kills for d in detections()):
             break
     else:
-        along_paths(scheme, measured, findings, name, TIMEOUT)
+        along_paths(scheme, measured, findings, name, DETECTION_TIMEOUT)
     return detections()
 
 
@@ -291,7 +291,7 @@ def abbreviation(law: str) -> str:
 
 # Signs and styles of verdicts by precedence; a cell shows the first of these verdicts that
 # occurred.
-_SIGNS = {
+_VERDICT_SIGNS = {
     Verdict.ERROR: ("e", "magenta"), Verdict.INCONCLUSIVE: ("?", "yellow"), Verdict.NOT_APPLICABLE: ("n/a", "dim")
 }  # fmt: skip
 
@@ -303,6 +303,6 @@ def _cell(detections: Sequence[Detection]) -> Text:
         text, style = number if len(failing) == len(detections) else f"({number})", "green"
     else:
         verdicts = {b.verdict for b in detections}
-        text, style = next((shown for v, shown in _SIGNS.items() if v in verdicts), ("·", "dim"))
+        text, style = next((shown for v, shown in _VERDICT_SIGNS.items() if v in verdicts), ("·", "dim"))
     claimed = detections[0].claimed
     return Text(text if claimed else f"{text}*", style=style if claimed else "dim")

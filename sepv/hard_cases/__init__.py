@@ -12,7 +12,12 @@ from sepv.hard_cases import _fields, _mechanics, _scales, _steps
 from sepv.hard_cases._hard_case import HardCase as HardCase
 from sepv.hard_cases._hard_case import Sample as Sample
 
-CATALOGUE: tuple[HardCase, ...] = (*_steps.CASES, *_mechanics.CASES, *_scales.CASES, *_fields.CASES)
+CATALOGUE: tuple[HardCase, ...] = (
+    *_steps.STEP_CASES,
+    *_mechanics.MECHANICS_CASES,
+    *_scales.SCALE_CASES,
+    *_fields.FIELD_CASES,
+)
 
 
 def by_name(name: str) -> HardCase:

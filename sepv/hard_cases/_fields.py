@@ -70,7 +70,7 @@ def _nearly_skew(skewness: float, text: str, expected: str) -> HardCase:
     )
 
 
-CASES = (
+FIELD_CASES = (
     HardCase(
         "components-at-rest",
         "one component never moves, one by 1e-12: the quotients of a discrete gradient are 0/0",

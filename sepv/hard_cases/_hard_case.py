@@ -15,7 +15,7 @@ from sepv.problem import Array, Description, Problem
 
 # The statuses of a step without a solution, by their names in `sepv.core.newton.Status`. The status
 # depends on how Newton's iteration ends.
-REFUSALS = ("NO_CONVERGENCE", "LEFT_DOMAIN", "OVERFLOW", "SINGULAR")
+REFUSAL_STATUSES = ("NO_CONVERGENCE", "LEFT_DOMAIN", "OVERFLOW", "SINGULAR")
 
 
 class Sample(NamedTuple):

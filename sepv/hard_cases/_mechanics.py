@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sepv.hard_cases._hard_case import REFUSALS, HardCase, sizes, steps
+from sepv.hard_cases._hard_case import REFUSAL_STATUSES, HardCase, sizes, steps
 from sepv.problem import Array, NamedProblem, PolynomialSystem
 from sepv.problems import canonical
 from sepv.record import add_polynomials as add
@@ -108,7 +108,7 @@ def _coarse(rng: np.random.Generator, lanes: int) -> Array:
     return np.array([[1.0], [1.9], [0.5]]) * rng.uniform(0.5, 2.0, (3, lanes))
 
 
-CASES = (
+MECHANICS_CASES = (
     HardCase(
         "rigid-body-middle-axis", "next to the unstable middle axis, on its separatrix to 1e-16",
         "solved: |y1| = |y0| bounds every solution, so that one exists for every Δ",
@@ -144,21 +144,21 @@ CASES = (
         "eccentricity 0.99: ∇H varies by 10^4 along the orbit, next to the pericentre within a step",
         "solved for steps shorter than the passage; beyond, Newton finds a solution or says not",
         NamedProblem("kepler", (("eccentricity", (0.99,)), ("noise", (1.0,)))), steps(1e-5, 1e-1, _eccentric),
-        refusals=REFUSALS, laws=(),
+        refusals=REFUSAL_STATUSES, laws=(),
     ),
     HardCase(
         "kepler-collision",
         "the segment from q0 to q1 passes the centre by 1e-12 to 1e-2, where ∫∇H dτ is singular",
         "solved short of the centre; a step over it is refused or solves (2.1) on the other side",
         NamedProblem("kepler", (("eccentricity", (0.99,)), ("noise", (1.0,)))), steps(1e-3, 1.0, _collision),
-        refusals=REFUSALS, laws=(),
+        refusals=REFUSAL_STATUSES, laws=(),
     ),
     HardCase(
         "toda-steep",
         "exponentials from e^-300 to e^300 and momenta up to 10^3: iterates overflow long before y1 does",
         "solved where damping brings the iterates back; never an overflow that passes for a value",
         NamedProblem("toda", (("particles", (3.0,)), ("noise", (1.0,)))), steps(1e-4, 1.0, _steep),
-        refusals=REFUSALS, laws=(),
+        refusals=REFUSAL_STATUSES, laws=(),
     ),
     HardCase(
         "lotka-volterra-axes", "components down to 1e-150: ∇H up to 1e150 meets B that vanishes as fast",
@@ -168,6 +168,6 @@ CASES = (
     HardCase(
         "lotka-volterra-coarse", "|Δ| from 0.1 to 4: the branch of solutions from y0 ends at a fold",
         "solved before the fold, refused beyond: no energy level is bounded, and no solution need exist",
-        _LOTKA_VOLTERRA, steps(0.1, 4.0, _coarse, c=0.5), refusals=REFUSALS,
+        _LOTKA_VOLTERRA, steps(0.1, 4.0, _coarse, c=0.5), refusals=REFUSAL_STATUSES,
     ),
 )  # fmt: skip

@@ -20,7 +20,7 @@ _MIXED = polynomial(
 )
 
 
-CASES = (
+SCALE_CASES = (
     HardCase(
         "degree-10-cancelling", "(q − 1)^10 expanded, near q = 1: terms of size 252 cancel to 1e-80",
         "solved to a bound that follows the terms, not their sum",

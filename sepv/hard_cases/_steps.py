@@ -52,7 +52,7 @@ def _truncated(rng: np.random.Generator, lanes: int) -> Sample:
     )
 
 
-CASES = (
+STEP_CASES = (
     HardCase(
         "tiny-steps", "|Δ| from 1e-12 down to 1e-300: y1 − y0 is far below an ulp of y",
         "solved in an iteration or two, nothing divided by Δ",

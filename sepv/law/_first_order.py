@@ -42,15 +42,16 @@ from sepv.schemes import Scheme, StatefulStep, ask_next
 
 # The step size in the problem's unit of time, and the factor of a second one, which shows powers
 # of h.
-STEP, FINER = 2.0**-12, 2.0**-4
-# A component is not measured from a state where its field is smaller than SMALLEST_SHARE of the
-# largest component.
-SMALLEST_SHARE = 1e-3
-# Shares are right within RIGHT: errors are O(h) = O(STEP). A power of h of at least POWER is named.
-RIGHT, POWER = 0.01, 0.2
+SHARES_H, FINER_FACTOR = 2.0**-12, 2.0**-4
+# A component is not measured from a state where its field is smaller than MEASURED_FIELD_SHARE of
+# the largest component.
+MEASURED_FIELD_SHARE = 1e-3
+# Shares are right within SHARE_TOLERANCE: errors are O(h) = O(SHARES_H). A power of h of at least
+# NAMED_MIN_POWER is named.
+SHARE_TOLERANCE, NAMED_MIN_POWER = 0.01, 0.2
 # The number of components that are listed if they differ, and the number of earlier steps of a
 # scheme with memory.
-LISTED, LATER = 8, 7
+LISTED_DIFFERENCES, EARLIER_STEPS = 8, 7
 # Itô's correction is right within this share: its error is O(h) relative to it, and it is smaller
 # than the drift.
 CORRECTION_TOLERANCE = 0.05
@@ -66,9 +67,9 @@ def first_order(scheme: Scheme, problem: Problem) -> list[str]:
         lines = _wrong(scheme, problem, 0)
         if lines or not isinstance(scheme.step, StatefulStep):
             return lines
-        later = _wrong(scheme, problem, LATER)
+        later = _wrong(scheme, problem, EARLIER_STEPS)
     return (
-        [f"the first step is right, later ones are not; step {LATER + 1}: {later[0]}", *later[1:]]
+        [f"the first step is right, later ones are not; step {EARLIER_STEPS + 1}: {later[0]}", *later[1:]]
         if later
         else []
     )
@@ -79,9 +80,11 @@ def _wrong(scheme: Scheme, problem: Problem, before: int) -> list[str]:
     unit = units_of(problem).time
     lines = []
     for j in range(1 + problem.noises):
-        shares = [_shares(scheme, problem, j, size * STEP * unit, before) for size in (1.0, FINER)]
-        lines.append(_line(problem, j, shares[0], shares[1], STEP * unit))
-    correction = np.nan if any(lines[1:]) or before else _correction(scheme, problem, FINER * STEP * unit)
+        shares = [_shares(scheme, problem, j, size * SHARES_H * unit, before) for size in (1.0, FINER_FACTOR)]
+        lines.append(_line(problem, j, shares[0], shares[1], SHARES_H * unit))
+    correction = (
+        np.nan if any(lines[1:]) or before else _correction(scheme, problem, FINER_FACTOR * SHARES_H * unit)
+    )
     if abs(correction - 1) <= CORRECTION_TOLERANCE:
         lines[0] = ""
     elif not any(lines) and not np.isnan(correction):
@@ -103,7 +106,7 @@ def _correction(scheme: Scheme, problem: Problem, h: float) -> float:
         with suppress(SepvError, ArithmeticError):
             further = _mean(scheme, problem, y, h) - _field(problem, y, 0)
             s = ito_drift(problem, y) - drift(problem, y)
-            if np.max(np.abs(s)) > SMALLEST_SHARE * np.max(np.abs(_field(problem, y, 0))):
+            if np.max(np.abs(s)) > MEASURED_FIELD_SHARE * np.max(np.abs(_field(problem, y, 0))):
                 share = float(further @ s / (s @ s))
                 # A mean that has another part besides s is no matter of Itô's correction.
                 along = np.linalg.norm(further - share * s) <= CORRECTION_TOLERANCE * np.linalg.norm(s)
@@ -138,9 +141,9 @@ def _shares(scheme: Scheme, problem: Problem, j: int, h: float, before: int) -> 
         with suppress(SepvError, ArithmeticError):
             y, moved = _moved(scheme, problem, y0, j, h, before)
             field = _field(problem, y, j)
-            known = np.abs(field) > SMALLEST_SHARE * np.max(np.abs(field))
+            known = np.abs(field) > MEASURED_FIELD_SHARE * np.max(np.abs(field))
             noise = 4 * scheme.solver_tolerance * np.max(np.abs(y)) / (h if j == 0 else math.sqrt(h))
-            known &= RIGHT * np.abs(field) > noise
+            known &= SHARE_TOLERANCE * np.abs(field) > noise
             share[known] = moved[known] / field[known]
         found.append(share)
     return np.array(found)
@@ -173,19 +176,19 @@ def _field(problem: Problem, y: Array, j: int) -> Array:
 
 
 def _line(problem: Problem, j: int, coarse: Array, fine: Array, h: float) -> str:
-    """The line about part j, from the shares with h and with FINER times h;
+    """The line about part j, from the shares with h and with FINER_FACTOR times h;
     empty if all known shares are 1.
     """
     known = ~np.isnan(coarse) & ~np.isnan(fine)
-    if not known.any() or np.all(np.abs(fine[known] - 1) <= RIGHT):
+    if not known.any() or np.all(np.abs(fine[known] - 1) <= SHARE_TOLERANCE):
         return ""
     part = "h f" if j == 0 else f"c{j} ΔW{j} f{j if problem.noises > 1 else ''}"
     ratios = np.abs(fine[known] / coarse[known])
-    powers = np.log(ratios[np.isfinite(ratios) & (ratios > 0)]) / math.log(FINER)
-    if powers.size and abs(float(np.median(powers))) > POWER:
+    powers = np.log(ratios[np.isfinite(ratios) & (ratios > 0)]) / math.log(FINER_FACTOR)
+    if powers.size and abs(float(np.median(powers))) > NAMED_MIN_POWER:
         power = float(np.median(powers))
         size = float(np.median(np.abs(coarse[known])))
-        if power < -1 + POWER and j == 0:
+        if power < -1 + NAMED_MIN_POWER and j == 0:
             return f"y1 − y0 does not vanish with h and ΔW: at h = {h:.2g} it is {size:.2g} times h f"
         return (
             f"as h → 0 the share of {part} by which y moves is like h^{power:.2f}: {size:.2g} at h = {h:.2g}"
@@ -194,15 +197,19 @@ def _line(problem: Problem, j: int, coarse: Array, fine: Array, h: float) -> str
     shown = {name: _range(v) for name, v in values.items()}
     if len(set(shown.values())) == 1:
         return f"as h → 0 y moves by {next(iter(shown.values()))} of {part}"
-    wrong = {n: s for n, s in shown.items() if len(shown) <= LISTED or np.any(np.abs(values[n] - 1) > RIGHT)}
-    first, *others = list(wrong.items())[:LISTED]
+    wrong = {
+        n: s
+        for n, s in shown.items()
+        if len(shown) <= LISTED_DIFFERENCES or np.any(np.abs(values[n] - 1) > SHARE_TOLERANCE)
+    }
+    first, *others = list(wrong.items())[:LISTED_DIFFERENCES]
     rest = "".join(f", {name} by {share}" for name, share in others)
     return f"as h → 0 {first[0]} moves by {first[1]} of {part}{rest}"
 
 
 def _range(values: Array) -> str:
     low, high = float(np.min(values)), float(np.max(values))
-    if high - low <= RIGHT * max(1.0, abs(high)):
+    if high - low <= SHARE_TOLERANCE * max(1.0, abs(high)):
         return _share((low + high) / 2)
     return f"{_share(low)} to {_share(high)}"
 

@@ -30,15 +30,15 @@ MeasuredAgain = Callable[[Case], Measurement | None]
 # many solvers.
 MOST_TOLERANCE = 2.0**-23
 
-# The parts of a step are h and each c_jΔW_j. A part is named if alone it makes at least MOST of the
-# sum of defects. A pair is named if each part alone makes at most LEAST of the pair's defect, and
-# halving a part halves it, within HALF.
-MOST, LEAST, HALF = 0.95, 1e-3, (0.45, 0.55)
+# The parts of a step are h and each c_jΔW_j. A part is named if alone it makes at least
+# ALONE_MIN_SHARE of the sum of defects. A pair is named if each part alone makes at most
+# PAIRED_MAX_SHARE of the pair's defect, and halving a part halves it, within HALVED_RANGE.
+ALONE_MIN_SHARE, PAIRED_MAX_SHARE, HALVED_RANGE = 0.95, 1e-3, (0.45, 0.55)
 # The lengths of steps, relative to a case's, that an iteration to a tolerance solves with different
 # numbers of steps.
 LENGTHS = (1.0, 2.0**-4, 2.0**-10, 2.0**-24)
 # The largest number of parts of a step whose pairs are measured.
-PARTS = 5
+PAIRED_MAX_PARTS = 5
 
 
 def advice(
@@ -173,7 +173,7 @@ def _largest_share(case: Case, again: MeasuredAgain) -> str:
     """
     c = problems.build(case.problem).c
     loud: list[int] = [0, *(np.flatnonzero(c) + 1).tolist()] if case.h else []
-    if not 2 <= len(loud) <= PARTS:
+    if not 2 <= len(loud) <= PAIRED_MAX_PARTS:
         return ""
     size = float(min(abs(case.h), *np.abs(c * case.dW)[c != 0])) or abs(case.h) / len(loud)
 
@@ -185,15 +185,20 @@ def _largest_share(case: Case, again: MeasuredAgain) -> str:
     alone = {j: of_parts({j: 1.0}) for j in loud}
     total = sum(m.defect for m in alone.values())
     first = max(alone, key=lambda j: alone[j].defect)
-    if alone[first].violates and alone[first].defect >= MOST * total:
+    if alone[first].violates and alone[first].defect >= ALONE_MIN_SHARE * total:
         return f"nearly all of it is in {_name(first)}: alone it makes {_defects(alone)}"
     for j, k in combinations(loud, 2):
         both = of_parts({j: 1.0, k: 1.0})
         halves = [
             of_parts({j: a, k: b}).defect / both.defect for a, b in ((0.5, 1.0), (1.0, 0.5)) if both.defect
         ]
-        least = max(alone[j].defect, alone[k].defect) <= LEAST * both.defect
-        if both.violates and least and halves and all(HALF[0] <= share <= HALF[1] for share in halves):
+        least = max(alone[j].defect, alone[k].defect) <= PAIRED_MAX_SHARE * both.defect
+        if (
+            both.violates
+            and least
+            and halves
+            and all(HALVED_RANGE[0] <= share <= HALVED_RANGE[1] for share in halves)
+        ):
             return f"nearly all of it is in the product of {_name(j)} and {_name(k)}, each of which alone makes none"
     return ""
 

@@ -16,7 +16,7 @@ from sepv.problems import build
 from sepv.record import PolynomialMap
 
 # The number of powers of AᵀA that make x near to the largest eigenvector, in `_spectral_norm`.
-POWERS = 8
+NORM_POWERS = 8
 
 
 def has_majorants(case: Case) -> bool:
@@ -115,7 +115,7 @@ def _spectral_norm(A: Array) -> Array:
     size = A.max(axis=(0, 1))
     unit = A / np.where(size > 0, size, 1.0)
     x = np.ones(A.shape[1:])
-    for _ in range(POWERS):
+    for _ in range(NORM_POWERS):
         x = matvec(unit.swapaxes(0, 1), matvec(unit, x))
         x = x / np.where(size > 0, x.max(axis=0), 1.0)
     ratio = matvec(unit.swapaxes(0, 1), matvec(unit, x)) / np.where(x > 0, x, np.inf)

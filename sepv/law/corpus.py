@@ -16,8 +16,8 @@ from importlib.resources import files
 from sepv.law.cases.case import Case, of_valid
 from sepv.problem import Systems
 
-FORMAT = "sepv-witnesses-1"
-FOLDER = files("sepv.reference") / "witnesses"
+WITNESS_FORMAT = "sepv-witnesses-1"
+WITNESS_FOLDER = files("sepv.reference") / "witnesses"
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ def witnesses(law: str, systems: Systems | None = None) -> tuple[Witness, ...]:
     """The stored witnesses of a law, for one class of systems or for all;
     empty for a law that has no file.
     """
-    file = FOLDER / file_of(law)
+    file = WITNESS_FOLDER / file_of(law)
     if not file.is_file():
         return ()
     data = json.loads(file.read_text(encoding="utf-8"))

@@ -29,11 +29,11 @@ from sepv.law.cases.users_problems import objects_of
 from sepv.schemes import Scheme, Twin, ask
 
 # The new process is ended after this many seconds if it has not answered.
-SECONDS = 60.0
+FRESH_ANSWER_SECONDS = 60.0
 
 
 @dataclass(frozen=True)
-class Question:
+class FreshQuestion:
     """Questions to a new process about a scheme: pairs (law, witness) to replay,
     and witnesses whose step it makes.
     """
@@ -59,7 +59,7 @@ class SecondProcess:
     """
 
     def __init__(self, run: Run) -> None:
-        self.question, self.child = Question(run.target, run.problems), None
+        self.question, self.child = FreshQuestion(run.target, run.problems), None
         other = "2" if os.environ.get("PYTHONHASHSEED") == "1" else "1"
         with suppress(OSError):
             self.child = _process(run.worker, PYTHONHASHSEED=other)
@@ -92,12 +92,14 @@ def asked_afresh(
     if again:
         with suppress(OSError):
             replays = [(f.law, f.witness) for f in again]
-            answered = _answered(_process(worker), Question(target, problems, replays, twin=twin))
+            answered = _answered(_process(worker), FreshQuestion(target, problems, replays, twin=twin))
             verdicts = dict(zip((f.law for f in again), answered, strict=False))
     return tuple(replace(f, afresh=verdicts.get(f.law, f.afresh)) for f in findings)
 
 
-def answers(question: Question, load: Callable[..., Scheme], replay: Callable[..., Finding]) -> list[Any]:
+def answers(
+    question: FreshQuestion, load: Callable[..., Scheme], replay: Callable[..., Finding]
+) -> list[Any]:
     """In the new process: the verdicts of the replays, then the steps."""
     target, problems = question.target, question.problems
     verdicts = [
@@ -121,10 +123,10 @@ def _process(worker: str, **environment: str) -> Child:
     return Child.of_module(worker, log=True, environment=environment)
 
 
-def _answered(child: Child, question: Question) -> list[Any]:
+def _answered(child: Child, question: FreshQuestion) -> list[Any]:
     """The new process's answers; [] if none came. The process is ended."""
     try:
-        kind, answer = child.ask((sys.path, os.getcwd(), pickle.dumps(question)), SECONDS)
+        kind, answer = child.ask((sys.path, os.getcwd(), pickle.dumps(question)), FRESH_ANSWER_SECONDS)
     except NoLine:
         return []
     finally:

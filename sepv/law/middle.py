@@ -37,7 +37,7 @@ Check = Callable[[Scheme, Case], Measurement]
 STEPS_BEFORE = (1, 2, 7)
 # The increments of the steps of a path are ΔW/N times these numbers in turn, for laws that measure
 # each step alone. A scheme may keep the noise of the step before.
-TURNS = (1.0, -0.5, 0.75)
+INCREMENT_TURNS = (1.0, -0.5, 0.75)
 
 
 def anywhere(middle: Middle | str, check: Check) -> Check:
@@ -70,7 +70,9 @@ def _worst_step(check: Check, scheme: Scheme, case: Case) -> Measurement:
     count, state, worst = case.after + 1, None, Measurement(0.0, 0.0)
     h = float(scheme.numbers(np.array(case.h / count)))
     for n in range(count):
-        dW = scheme.numbers(np.array(case.dW) * TURNS[n % len(TURNS)] / count).astype(np.float64)
+        dW = scheme.numbers(np.array(case.dW) * INCREMENT_TURNS[n % len(INCREMENT_TURNS)] / count).astype(
+            np.float64
+        )
         here = replace(case, y=tuple(y.tolist()), h=h, dW=tuple(dW.tolist()), after=0)
         found = check(resumed(scheme, state), here)
         if n == 0 or found.violates or found.ratio > worst.ratio:

@@ -19,9 +19,9 @@ from itertools import pairwise
 from sepv.law._law import Measurement
 from sepv.law.cases.case import Case
 
-# The most halvings of h. Defects of at most FLOOR times their bound are not used, because rounding
-# may change them.
-HALVINGS, FLOOR = 16, 2.0
+# The most halvings of h. Defects of at most DEFECT_FLOOR times their bound are not used, because
+# rounding may change them.
+MAX_HALVINGS_OF_H, DEFECT_FLOOR = 16, 2.0
 # The power is clear if the last SLOPES slopes differ by at most APART. For p = 1 and p = 3/2 slopes
 # differ by ½.
 SLOPES, APART = 2, 0.2
@@ -46,10 +46,10 @@ def power_of_h(case: Case, measured: Measurement, again: Again) -> float | None:
     `again` measures another case by the violated law; it returns None if that fails.
     """
     defects = [measured.defect]
-    for k in range(1, HALVINGS + 1):
+    for k in range(1, MAX_HALVINGS_OF_H + 1):
         share = 2.0**-k
         shorter = again(replace(case, h=share * case.h, dW=tuple(math.sqrt(share) * w for w in case.dW)))
-        if shorter is None or not FLOOR * shorter.bound < shorter.defect < math.inf:
+        if shorter is None or not DEFECT_FLOOR * shorter.bound < shorter.defect < math.inf:
             break
         defects.append(shorter.defect)
     if not 0 < defects[0] < math.inf:

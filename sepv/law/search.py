@@ -59,7 +59,7 @@ MOST_SKIPPED = 20
 # The most seconds for simplification: a law may be stopped after ten minutes, and must report its
 # violation before. The limit is reached only if a measurement takes longer than 0.2 s. The
 # counterexample then depends on time.
-MOST_SECONDS = 100.0
+SIMPLIFY_MAX_SECONDS = 100.0
 # The largest number of designs that are stored between runs, twice what a run of all laws needs.
 DESIGNS = 64
 # The list of cases ends early after this many cases that cannot be measured: each may last until a
@@ -283,7 +283,7 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
             return
         except _Violation:
             violations.append(log.violation)
-            end = min(end, time.perf_counter() + MOST_SECONDS)
+            end = min(end, time.perf_counter() + SIMPLIFY_MAX_SECONDS)
             if shrinks:
                 raise _Simplify from None
             if not effort.shrink_checks:
@@ -345,7 +345,7 @@ def _simplify(
     """
     case, _ = log.violation or log.fault or (None, None)
     assert case is not None
-    checks, end = log.checks, time.perf_counter() + MOST_SECONDS
+    checks, end = log.checks, time.perf_counter() + SIMPLIFY_MAX_SECONDS
     left, best = effort.shrink_checks, (log.violation, log.fault, log.worst)
 
     def fails(candidate: Case) -> bool | None:

@@ -21,7 +21,7 @@ Check = Callable[[Scheme, Case], Measurement]
 # law says nothing of the others. No share is required of a scheme that skips cases because of their
 # problems: it may be made for few problems. If one case shows that a law says nothing of the
 # scheme, its premise is asked first (`sepv.law.search`).
-LEAST_SHARE = 0.25
+MEASURED_MIN_SHARE = 0.25
 
 
 class SearchLog:
@@ -97,15 +97,15 @@ def conclude(law: Law, scheme: Scheme, log: SearchLog, check: Check) -> Finding:
         }
         return law.finding(Verdict.ERROR, **_witness(law, case), **seen)
     skipped = "\n".join(f"{counted(n, 'case')} skipped: {reason}" for reason, n in log.skipped.items())
-    if log.checks <= LEAST_SHARE * (log.checks + log.unasked):
+    if log.checks <= MEASURED_MIN_SHARE * (log.checks + log.unasked):
         verdict = Verdict.NOT_APPLICABLE if skipped else Verdict.ERROR
         refused = 0 if log.unasked else log.refused
         return law.finding(verdict, message=skipped or "no case was measured", skipped=refused)
     verdict = Verdict.HOLDS
-    if log.share is not None and log.share < LEAST_SHARE and scheme.longest_step is not None:
+    if log.share is not None and log.share < MEASURED_MIN_SHARE and scheme.longest_step is not None:
         verdict = Verdict.INCONCLUSIVE
         few = f"only {100 * log.share:.0f} % of the cases were measured"
-        skipped = f"{few}: a law holds on {100 * LEAST_SHARE:.0f} % at least\n{skipped}"
+        skipped = f"{few}: a law holds on {100 * MEASURED_MIN_SHARE:.0f} % at least\n{skipped}"
     return law.finding(verdict, message=skipped, skipped=log.refused, share=log.share, **seen)
 
 

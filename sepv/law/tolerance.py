@@ -12,10 +12,10 @@ increments. Of a polynomial the majorant is the sum of the absolute terms at max
 another function F it is |F| + |F′||y|, where the second term is the effect of one rounding of y on
 a well-written F, enclosed over the box by interval arithmetic (`sepv.problem._enclosures`), and at
 least its value at the ends. Of a function that cannot be recorded it is the largest value at
-SAMPLES states of the segment, which is an estimate. A collocation polynomial u of s ≤ 6 stages
-deviates from the segment by at most max_τ Σ_j |∫₀^τ ℓ_j − τ b_j| < ½ times the largest z_i − z_j
-(below), which inside the contraction radius is at most twice CONTRACTION·|y1 − y0|. So for s > 1
-the box is larger by CONTRACTION·|y1 − y0| on each side.
+SEGMENT_SAMPLES states of the segment, which is an estimate. A collocation polynomial u of s ≤ 6
+stages deviates from the segment by at most max_τ Σ_j |∫₀^τ ℓ_j − τ b_j| < ½ times the largest z_i −
+z_j (below), which inside the contraction radius is at most twice CONTRACTION·|y1 − y0|. So for s >
+1 the box is larger by CONTRACTION·|y1 − y0| on each side.
 
 **Residual.** A step solves y1 = y0 + R with R = ΔB∇̄H. If it does so as well as binary64 allows,
 then |y1 − y0 − R| ≤ r with r_i = K u (max(|y0|_∞, |y1|_∞) + |Δ|₁ Σ_j M_B,ij M_g,j) in component i,
@@ -106,7 +106,7 @@ def majorant_over(
         source, of_gradient = (function, False) if potential is None else (potential, True)
         bound = over_box(source, y0, y1, beyond, differentiated=of_gradient)
         if bound is None:
-            states = [y0 + share * (y1 - y0) for share in np.linspace(0, 1, SAMPLES)]
+            states = [y0 + share * (y1 - y0) for share in np.linspace(0, 1, SEGMENT_SAMPLES)]
     at = []
     for y in states:
         value = np.abs(function(y))
@@ -197,7 +197,7 @@ ACCUMULATED = float(np.exp(2 * CONTRACTION))
 # ≤ 1) and 1 for Δ.
 INPUTS = 4.0
 # The number of states along a segment at which a function that cannot be recorded is evaluated.
-SAMPLES = 9
+SEGMENT_SAMPLES = 9
 # A bound of underflow in single precision, because some processors take its subnormal numbers
 # for 0.
 LEAST_SINGLE = 2.0**-120
@@ -321,7 +321,7 @@ def state_ulp(*states: Array) -> float:
 
 # Decimal digits of the references for `state_error`, fourteen more than binary64, relative to the
 # largest component.
-DIGITS = 30
+STATE_ERROR_DIGITS = 30
 
 
 def state_error(

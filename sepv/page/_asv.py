@@ -21,8 +21,8 @@ from sepv.files import json_text, read_json, write_atomically
 from sepv.page._sources import Sources
 
 # The versions of asv's formats, as of asv 0.6.
-FORMAT, MACHINE = 2, 1
-_COLUMNS = ("result", "params", "version", "started_at", "duration")
+ASV_FORMAT, ASV_MACHINE_FORMAT = 2, 1
+_ASV_COLUMNS = ("result", "params", "version", "started_at", "duration")
 
 
 def write_asv(sources: Sources, folder: str) -> int:
@@ -61,15 +61,15 @@ def write_asv(sources: Sources, folder: str) -> int:
     place.mkdir(parents=True, exist_ok=True)
     known = Path(folder, "benchmarks.json")
     before = read_json(known, expected="asv's benchmarks.json", remedy="remove it") if known.exists() else {}
-    _write(known, {**before, **described, "version": FORMAT})
-    _write(place / "machine.json", {**about, "version": MACHINE})
+    _write(known, {**before, **described, "version": ASV_FORMAT})
+    _write(place / "machine.json", {**about, "version": ASV_MACHINE_FORMAT})
     _write(
         place / f"{commit[:8]}-{environment}.json",
         {
             "commit_hash": commit, "env_name": environment, "date": int(date) * 1000,
             "params": about | {"python": python}, "python": python, "requirements": {}, "env_vars": {},
-            "result_columns": _COLUMNS, "results": results,
-            "durations": {}, "version": FORMAT,
+            "result_columns": _ASV_COLUMNS, "results": results,
+            "durations": {}, "version": ASV_FORMAT,
         },
     )  # fmt: skip
     return sum(len(track["values"]) for track in tracks.values())

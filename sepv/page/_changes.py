@@ -11,7 +11,7 @@ from sepv.page._views import View
 
 # A defect has changed if it is larger or smaller by this factor, a measured order if by this
 # difference. A run with the same seed and the same versions has the same defects to the last digit.
-FACTOR, ORDER = 2.0, 0.1
+CHANGED_FACTOR, CHANGED_ORDER = 2.0, 0.1
 
 
 def changes(reports: Sequence[View]) -> list[tuple[str, list[tuple[str, str, str]]]]:
@@ -49,8 +49,8 @@ def _differs(old: View, new: View) -> bool:
     if a is None or b is None:
         return a is not b
     if old["at_least"]:
-        return bool(abs(a - b) >= ORDER)
-    return bool(max(abs(a), abs(b)) >= FACTOR * min(abs(a), abs(b)) and a != b)
+        return bool(abs(a - b) >= CHANGED_ORDER)
+    return bool(max(abs(a), abs(b)) >= CHANGED_FACTOR * min(abs(a), abs(b)) and a != b)
 
 
 def _words(law: View | None) -> str:

@@ -19,25 +19,26 @@ from markupsafe import Markup
 
 from sepv import pictures as drawing
 from sepv.page._text import name
-from sepv.pictures import GRID, GUIDE, SOFT, TEXT, Axis, Series
+from sepv.pictures import GRID_COLOUR, GUIDE_COLOUR, SOFT_COLOUR, TEXT_COLOUR, Axis, Series
 from sepv.schemes import Look
 
 # The size of a drawing, its margins, and the size of a sample in its legend, in points (1/72 inch).
-WIDTH, HEIGHT = 520, 330
-LEFT, RIGHT, TOP, BOTTOM = 62, 14, 12, 44
+DRAWING_WIDTH, DRAWING_HEIGHT = 520, 330
+LEFT_MARGIN, RIGHT_MARGIN, TOP_MARGIN, BOTTOM_MARGIN = 62, 14, 12, 44
 # The space for the name of the vertical axis, left of its numbers, in points.
 AXIS_NAME_SPACE = 30
 SAMPLE = 34, 12
 # The width at the right of a drawing for the names of reference slopes, in points.
-NAMES = 50
+SLOPE_NAMES_WIDTH = 50
 # The largest number of points of a cloud or strips of a long line, and the tolerance for simplified
 # lines in points.
-MOST, NEAR = 110, 0.35
+CLOUD_MAX_POINTS, LINE_TOLERANCE = 110, 0.35
 MARKER = 6.5
-_STYLE = {
-    "font.size": 12, "text.color": TEXT, "axes.labelcolor": TEXT, "axes.labelpad": 4, "axes.linewidth": 1,
-    "xtick.color": TEXT, "ytick.color": TEXT, "xtick.major.pad": 5, "ytick.major.pad": 6, "lines.linewidth": 1.5,
-    "grid.linewidth": 1, "path.simplify_threshold": NEAR,
+_DRAWING_STYLE = {
+    "font.size": 12, "text.color": TEXT_COLOUR, "axes.labelcolor": TEXT_COLOUR, "axes.labelpad": 4, "axes.linewidth": 1,
+    "xtick.color": TEXT_COLOUR, "ytick.color": TEXT_COLOUR, "xtick.major.pad": 5, "ytick.major.pad": 6,
+    "lines.linewidth": 1.5,
+    "grid.linewidth": 1, "path.simplify_threshold": LINE_TOLERANCE,
 }  # fmt: skip
 # Properties that are dropped from each element, because the style sheet or enclosing elements set
 # them.
@@ -83,19 +84,34 @@ class Pictures:
     def draw(self, series: Sequence[Series], x: Axis, y: Axis, **more: Any) -> Picture:
         """Draw curves in a picture; `more` are further arguments of `sepv.pictures.draw_curves`."""
         drawing.require_matplotlib("a page of verdicts and counters alone needs none")
-        with drawing.figure(WIDTH / 72, HEIGHT / 72, _STYLE) as drawn, warnings.catch_warnings():
+        with (
+            drawing.figure(DRAWING_WIDTH / 72, DRAWING_HEIGHT / 72, _DRAWING_STYLE) as drawn,
+            warnings.catch_warnings(),
+        ):
             # If matplotlib's font lacks a sign, the reader's fonts draw it.
             warnings.filterwarnings("ignore", "Glyph .* missing from")
-            right = NAMES if more.get("slopes") else RIGHT
-            frame = (LEFT, BOTTOM, WIDTH - LEFT - right, HEIGHT - TOP - BOTTOM)
-            unit = (WIDTH, HEIGHT, WIDTH, HEIGHT)
+            right = SLOPE_NAMES_WIDTH if more.get("slopes") else RIGHT_MARGIN
+            frame = (
+                LEFT_MARGIN,
+                BOTTOM_MARGIN,
+                DRAWING_WIDTH - LEFT_MARGIN - right,
+                DRAWING_HEIGHT - TOP_MARGIN - BOTTOM_MARGIN,
+            )
+            unit = (DRAWING_WIDTH, DRAWING_HEIGHT, DRAWING_WIDTH, DRAWING_HEIGHT)
             axes = drawn.add_axes(tuple(v / of for v, of in zip(frame, unit, strict=True)))
-            drawing.draw_curves(axes, series, self.looks, x, y, size=MARKER, most=MOST, **more)
+            drawing.draw_curves(axes, series, self.looks, x, y, size=MARKER, most=CLOUD_MAX_POINTS, **more)
             if not more.get("equal"):  # with equal axes the frame is narrower
                 numbers = max(t.get_window_extent().width for t in axes.get_yticklabels()) * 72 / drawn.dpi
-                left = max(LEFT, AXIS_NAME_SPACE + numbers)
-                width = WIDTH - left - right
-                axes.set_position((left / WIDTH, BOTTOM / HEIGHT, width / WIDTH, frame[3] / HEIGHT))
+                left = max(LEFT_MARGIN, AXIS_NAME_SPACE + numbers)
+                width = DRAWING_WIDTH - left - right
+                axes.set_position(
+                    (
+                        left / DRAWING_WIDTH,
+                        BOTTOM_MARGIN / DRAWING_HEIGHT,
+                        width / DRAWING_WIDTH,
+                        frame[3] / DRAWING_HEIGHT,
+                    )
+                )
                 axes.yaxis.set_label_coords((14 - left) / width, 0.5)
             drawn.patch.set_visible(False)
             axes.patch.set_visible(False)
@@ -110,7 +126,7 @@ class Pictures:
             from matplotlib.lines import Line2D
 
             width, height = SAMPLE
-            with drawing.figure(width / 72, height / 72, _STYLE) as drawn:
+            with drawing.figure(width / 72, height / 72, _DRAWING_STYLE) as drawn:
                 drawn.patch.set_visible(False)
                 across = (0.03, 0.5, 0.97)
                 how = drawing.line(look, style, MARKER) | {
@@ -127,7 +143,12 @@ class Pictures:
             self._colours.setdefault(look.colour, look.dark)
         root = ElementTree.fromstring(drawing.content(drawn, ".svg"))
         paint = {c.lower(): f"var(--{k})" for k, c, _ in self.colours}
-        paint |= {GUIDE: "var(--guide)", GRID: "var(--grid)", SOFT: "var(--soft)", TEXT: "var(--fg)"}
+        paint |= {
+            GUIDE_COLOUR: "var(--guide)",
+            GRID_COLOUR: "var(--grid)",
+            SOFT_COLOUR: "var(--soft)",
+            TEXT_COLOUR: "var(--fg)",
+        }
         new: dict[str, str] = {}
         identifiers = [(element, _inert(element, paint)) for element in root.iter()]
         for element, old in identifiers:

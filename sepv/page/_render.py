@@ -18,7 +18,7 @@ from sepv.page._pictures import Pictures
 from sepv.page._sources import Sources
 from sepv.page._text import plain
 
-TITLE = "Which structural properties hold?"
+REPORT_TITLE = "Which structural properties hold?"
 
 
 def render(sources: Sources, *, title: str | None = None) -> str:
@@ -45,7 +45,7 @@ def render(sources: Sources, *, title: str | None = None) -> str:
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
     laws, schemes = verdicts.schemes(sources.verify)
     alone = len(schemes) == 1 and not (comparisons or reproductions or sources.bench)
-    usual = f"{schemes[0]['name']}: which structural properties hold?" if alone else TITLE
+    usual = f"{schemes[0]['name']}: which structural properties hold?" if alone else REPORT_TITLE
     return filled(
         "page.html",
         title=plain(title or usual, 200),

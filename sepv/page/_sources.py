@@ -13,7 +13,12 @@ from sepv.properties import renamed
 
 # The commands that write files for the page, by a key that only the command's files have; and the
 # files' schemas.
-KINDS = {"suite": "verify", "reproduction": "reproduce", "times_to_error": "compare", "records": "bench"}
+COMMAND_OF_KEY = {
+    "suite": "verify",
+    "reproduction": "reproduce",
+    "times_to_error": "compare",
+    "records": "bench",
+}
 SCHEMA_OF = {"verify": "report", "compare": "comparison", "reproduce": "reproduction", "bench": "bench"}
 
 
@@ -42,7 +47,11 @@ def load(paths: Iterable[str | Path]) -> Sources:
         data = read_json(
             path, expected="a JSON file written by sepv", remedy="correct the name, or write it anew"
         )
-        kind = next((k for key, k in KINDS.items() if key in data), None) if isinstance(data, dict) else None
+        kind = (
+            next((k for key, k in COMMAND_OF_KEY.items() if key in data), None)
+            if isinstance(data, dict)
+            else None
+        )
         if kind is None:
             raise UsageError(
                 expected="JSON written by sepv verify, compare or reproduce with --json, or by sepv bench with --save",

@@ -20,12 +20,13 @@ from sepv.pictures import power
 from sepv.properties import load_laws
 from sepv.schemes import ALL_LAWS
 
-# The largest number of characters of all counterexamples on a page; ROOMY on a page of at most FEW
-# schemes, which has pictures of them too. The JSON files have all counterexamples.
-BUDGET, ROOMY, FEW = 17_000, 100_000, 4
+# The largest number of characters of all counterexamples on a page; ROOMY_BUDGET on a page of at
+# most ROOMY_MAX_SCHEMES schemes, which has pictures of them too. The JSON files have all
+# counterexamples.
+COUNTEREXAMPLES_BUDGET, ROOMY_BUDGET, ROOMY_MAX_SCHEMES = 17_000, 100_000, 4
 # Decades of the scale of defects, from 10⁻³ of the bound to 10³ or up to 10¹⁵, with a tick for
 # every third decade.
-LEAST, MOST, EVERY = -3, 15, 3
+LEAST_DECADE, LAST_DECADE, TICK_DECADES = -3, 15, 3
 # The frame (left, right, top, bottom) of a picture of a repeated step, in a box of 300 by 190.
 FRAME = (62.0, 296.0, 20.0, 168.0)
 # The least height of the frame of an invariant, relative to its terms, so that rounding looks like
@@ -39,8 +40,10 @@ def schemes(reports: list[View]) -> tuple[list[str], list[View]]:
     """
     laws = list(dict.fromkeys(law["law"] for r in reports for law in r["laws"]))
     laws.sort(key=lambda law: ALL_LAWS.index(law) if law in ALL_LAWS else len(ALL_LAWS))
-    share = (ROOMY if len(reports) <= FEW else BUDGET) // max(1, len(reports))
-    return laws, [_scheme(r, laws, share, drawn=len(reports) <= FEW) for r in reports]
+    share = (ROOMY_BUDGET if len(reports) <= ROOMY_MAX_SCHEMES else COUNTEREXAMPLES_BUDGET) // max(
+        1, len(reports)
+    )
+    return laws, [_scheme(r, laws, share, drawn=len(reports) <= ROOMY_MAX_SCHEMES) for r in reports]
 
 
 def _scheme(report: View, laws: list[str], budget: int, *, drawn: bool) -> View:
@@ -101,11 +104,11 @@ def _scale(laws: list[View]) -> tuple[Any, list[tuple[str, str]]]:
     A place is in per cent of the axis's width.
     """
     ratios = [r for r in map(_ratio, laws) if r is not None and 0 < r < math.inf]
-    top = math.ceil(math.log10(max([*ratios, 1.0])) / EVERY) * EVERY
-    high = min(MOST, max(EVERY, top))
+    top = math.ceil(math.log10(max([*ratios, 1.0])) / TICK_DECADES) * TICK_DECADES
+    high = min(LAST_DECADE, max(TICK_DECADES, top))
 
     def percent(decade: float) -> str:
-        inside = (min(max(decade, LEAST), high) - LEAST) / (high - LEAST)
+        inside = (min(max(decade, LEAST_DECADE), high) - LEAST_DECADE) / (high - LEAST_DECADE)
         return f"{5 + 90 * inside:.1f}".removesuffix(".0")
 
     def place(law: View) -> str | None:
@@ -114,7 +117,9 @@ def _scale(laws: list[View]) -> tuple[Any, list[tuple[str, str]]]:
             return None
         return percent(math.log10(ratio) if 0 < ratio < math.inf else math.copysign(math.inf, ratio - 1))
 
-    decades = range(LEAST, high + 1, EVERY) if any(_ratio(law) is not None for law in laws) else ()
+    decades = (
+        range(LEAST_DECADE, high + 1, TICK_DECADES) if any(_ratio(law) is not None for law in laws) else ()
+    )
     return place, [(percent(k), "bound" if k == 0 else power(10.0**k, 10)) for k in decades]
 
 

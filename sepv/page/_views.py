@@ -15,10 +15,10 @@ from sepv.console import statements_in_words
 from sepv.page._pictures import Pictures
 from sepv.page._sources import Sources
 from sepv.page._text import name, number, plain
-from sepv.pictures import FLOOR, Axis, Series, power
+from sepv.pictures import DRAWN_ZERO, Axis, Series, power
 from sepv.schemes import Look
 
-WORDS = {
+SIGN_AND_WORD = {
     "holds": ("✓", "holds"), "violated": ("✗", "violated"), "inconclusive": ("?", "inconclusive"),
     "not_applicable": ("·", "not applicable"), "error": ("!", "error"), "not_measured": ("", "not measured"),
     "absent": ("", "not measured"),
@@ -54,7 +54,7 @@ def cell(verdict: str, claimed: bool = False) -> View:
     """Return a cell of the table of schemes and laws: the verdict's sign and words,
     and True for a claimed law.
     """
-    sign, words = WORDS[verdict]
+    sign, words = SIGN_AND_WORD[verdict]
     return {"kind": verdict, "sign": sign, "words": words, "claimed": claimed}
 
 
@@ -118,11 +118,11 @@ def comparison(data: View, pictures: Pictures) -> View:
         return pictures.draw([curve(m, value) for m in methods], time, Axis(label, log=True))
 
     errors = drawn("strong error at T", lambda p: p["strong_error"]["value"])
-    # A defect of zero has no logarithm. It is drawn at FLOOR, half a rounding of one, as the
+    # A defect of zero has no logarithm. It is drawn at DRAWN_ZERO, half a rounding of one, as the
     # caption says.
     defects = drawn(
         "largest energy defect",
-        lambda p: None if p["energy_defect"] is None else max(p["energy_defect"], FLOOR),
+        lambda p: None if p["energy_defect"] is None else max(p["energy_defect"], DRAWN_ZERO),
     )
     return {
         "problem": name(data["problem"]),

@@ -204,7 +204,7 @@ def _comparison() -> Evidence:
     return Evidence(bounded and theirs <= 1 + 1e-12, bounded and theirs > 1 + 1e-6, measured)
 
 
-SETS = (
+SETS_OF_REMARK = (
     "Since the method (2.1) exactly preserves the energy by Proposition 3.1, one can find, for problems such as those "
     "presented in Section 4, for all initial datum `y0`, a convex subset of the phase space containing almost surely "
     "the numerical trajectories starting from `y0` on which the vector field `f` and the function `B` as well as their "
@@ -249,7 +249,7 @@ ENTRIES = (
     ),
     Erratum(
         place="Remark 3.5, and with it Theorem 3.4",
-        quote=SETS.removesuffix("For example, … ") + "For example,",
+        quote=SETS_OF_REMARK.removesuffix("For example, … ") + "For example,",
         printed="the estimates in the proofs above extend straightforwardly, by preservation of the energy",
         criterion="the midpoint scheme, with which these proofs compare and whose order they take from a context of "
         "global bounds, stays in the smallest convex set that contains the energy level, as (2.1) does",
@@ -265,7 +265,8 @@ ENTRIES = (
     ),
     Erratum(
         place="Remark 3.5, oscillator",
-        quote=SETS + "for the harmonic oscillator starting at `y0 = (x0, p0) ∈ ℝ²` (see Section 4.1), such a convex "
+        quote=SETS_OF_REMARK
+        + "for the harmonic oscillator starting at `y0 = (x0, p0) ∈ ℝ²` (see Section 4.1), such a convex "
         "set is the ball centered at the origin of the phase space with radius `(y0² + p0²)/2`. Since `f` is smooth on "
         "this compact set, it is bounded on it and so are its derivatives up to order 3.",
         printed="the ball centred at the origin with radius (y0² + p0²)/2 contains the numerical trajectories of the "
@@ -277,7 +278,8 @@ ENTRIES = (
     ),
     Erratum(
         place="Remark 3.5, Lotka-Volterra",
-        quote=SETS + "for the Lotka-Volterra system (see Section 4.4), any numerical solution can be included in a "
+        quote=SETS_OF_REMARK
+        + "for the Lotka-Volterra system (see Section 4.4), any numerical solution can be included in a "
         "rectangle which is the product of two compact intervals. Hence the functions `B` and `f` as well as their "
         "derivatives up to order 3 are bounded on such a compact (and convex) set.",
         printed="preservation of the energy keeps the numerical trajectories of Lotka-Volterra in a compact rectangle, "

@@ -20,11 +20,17 @@ from .record import Job, Panel, Results, Size, Statement, points
 from .several_stages import step_with_stages
 from .several_with_areas import step_with_areas
 
-TOPS, T, STEPS, FINE, SAMPLES = "noncommuting-tops", 0.5, (4, 8, 16, 32, 64), 4096, 400
-STAGES, STAGED, STAGED_SAMPLES = (1, 2, 3), (2, 4, 8, 16), 48
+TOPS_PROBLEM, TOPS_T, TOPS_STEPS, TOPS_FINE_STEPS, TOPS_SAMPLES = (
+    "noncommuting-tops",
+    0.5,
+    (4, 8, 16, 32, 64),
+    4096,
+    400,
+)
+STAGE_COUNTS, STAGED, STAGED_SAMPLES = (1, 2, 3), (2, 4, 8, 16), 48
 WEAK = ("energy-preserving", "midpoint", "modified-weak-2")
 # Pairs of a scheme and increments of two or three points, with the weak order of the pair.
-POINTS = (
+POINT_PAIRS = (
     ("energy-preserving", "two-point", 1.0),
     ("modified-weak-2", "two-point", 1.0),
     ("modified-weak-2", "three-point", 2.0),
@@ -63,17 +69,19 @@ def errors(samples: int, seed: int) -> dict[str, list[float]]:
     """Rms errors at T without and with Lévy areas, against Heun's method with fine steps,
     and energy errors.
     """
-    problem = problems.by_name(TOPS)
+    problem = problems.by_name(TOPS_PROBLEM)
     start = np.array(problem.initial)
-    fine = wiener.increments(seed, T=T, steps=FINE, noises=problem.noises, paths=range(samples))
-    exact = heun(problem, start, T, fine)
+    fine = wiener.increments(
+        seed, T=TOPS_T, steps=TOPS_FINE_STEPS, noises=problem.noises, paths=range(samples)
+    )
+    exact = heun(problem, start, TOPS_T, fine)
     errors: dict[str, list[float]] = {"without": [], "with": [], "energy": []}
-    for steps in STEPS:
-        dW, A = wiener.coarsen(fine, FINE // steps), areas(fine, steps)
+    for steps in TOPS_STEPS:
+        dW, A = wiener.coarsen(fine, TOPS_FINE_STEPS // steps), areas(fine, steps)
         plain = corrected = np.repeat(start[:, None], samples, axis=1)
         for n in range(steps):
-            plain = schemes.several_structures.step(problem, plain, T / steps, dW[n])
-            corrected = step_with_areas(problem, corrected, T / steps, dW[n], A[n])
+            plain = schemes.several_structures.step(problem, plain, TOPS_T / steps, dW[n])
+            corrected = step_with_areas(problem, corrected, TOPS_T / steps, dW[n], A[n])
         for key, y in (("without", plain), ("with", corrected)):
             errors[key].append(float(np.sqrt(np.mean(np.sum((y - exact) ** 2, axis=0)))))
         energy = problem.hamiltonian(corrected) - problem.hamiltonian(start)
@@ -87,13 +95,13 @@ def staged(stages: int, samples: int, seed: int) -> list[float]:
     """
     problem = problems.commuting_rotations()
     start = np.array(problem.initial)
-    fine = wiener.increments(seed, T=T, steps=STAGED[-1], noises=problem.noises, paths=range(samples))
+    fine = wiener.increments(seed, T=TOPS_T, steps=STAGED[-1], noises=problem.noises, paths=range(samples))
     assert problem.closed_form is not None
-    exact, errors = problem.closed_form(start, T, fine.sum(axis=0)), []
+    exact, errors = problem.closed_form(start, TOPS_T, fine.sum(axis=0)), []
     for steps in STAGED:
         y = np.repeat(start[:, None], samples, axis=1)
         for dW in wiener.coarsen(fine, STAGED[-1] // steps):
-            y = step_with_stages(problem, stages, y, T / steps, dW)
+            y = step_with_stages(problem, stages, y, TOPS_T / steps, dW)
         errors.append(float(np.sqrt(np.mean(np.sum((y - exact) ** 2, axis=0)))))
     return errors
 
@@ -111,14 +119,17 @@ def jobs(size: Size) -> list[Job]:
     """The jobs: errors at T with and without Lévy areas, errors at T for several stages,
     weak errors of one step.
     """
-    arguments, few = {"samples": size.samples(SAMPLES), "seed": size.seed}, {"samples": STAGED_SAMPLES}
+    arguments, few = {"samples": size.samples(TOPS_SAMPLES), "seed": size.seed}, {"samples": STAGED_SAMPLES}
     return [
         Job(("theory", "areas"), errors, arguments, 6.0),
-        *(Job(("theory", "stages", str(s)), staged, {"stages": s, **arguments, **few}, 5.0) for s in STAGES),
+        *(
+            Job(("theory", "stages", str(s)), staged, {"stages": s, **arguments, **few}, 5.0)
+            for s in STAGE_COUNTS
+        ),
         *(Job(("theory", "weak", name), weak, {"scheme": name}, 0.5) for name in WEAK),
         *(
             Job(("theory", "weak", f"{name}, {law}"), weak, {"scheme": name, "increments": law}, 0.5)
-            for name, law, _ in POINTS
+            for name, law, _ in POINT_PAIRS
         ),
     ]
 
@@ -127,13 +138,15 @@ def panels(results: Results) -> list[Panel]:
     """The panels on Lévy areas, on several stages, and on the weak order."""
     return [
         _areas(results["theory", "areas"]),
-        _staged({s: results["theory", "stages", str(s)] for s in STAGES}),
-        _weak({n: results["theory", "weak", n] for n in (*WEAK, *(f"{n}, {law}" for n, law, _ in POINTS))}),
+        _staged({s: results["theory", "stages", str(s)] for s in STAGE_COUNTS}),
+        _weak(
+            {n: results["theory", "weak", n] for n in (*WEAK, *(f"{n}, {law}" for n, law, _ in POINT_PAIRS))}
+        ),
     ]
 
 
 def _areas(errors: dict[str, list[float]]) -> Panel:
-    h = T / np.array(STEPS)
+    h = TOPS_T / np.array(TOPS_STEPS)
     slopes = {key: judge.slope(h, errors[key]) for key in ("without", "with")}
     energy, limit = max(errors["energy"]), 64 * EPS
     without = judge.near(slopes["without"], 0.5, 0.25, np.inf)
@@ -148,15 +161,15 @@ def _areas(errors: dict[str, list[float]]) -> Panel:
     return Panel(
         key="theory-areas", title="Noises that do not commute, with and without areas", source="§1",
         series=(points("increments only", h, errors["without"]), points("increments and areas", h, errors["with"])),
-        parameters={"problem": TOPS, "T": T, "N": list(STEPS)}, slopes=(0.5, 1.0),
-        chosen=(f"areas of the polygon with {FINE} steps, on which Heun's method serves as the reference",),
+        parameters={"problem": TOPS_PROBLEM, "T": TOPS_T, "N": list(TOPS_STEPS)}, slopes=(0.5, 1.0),
+        chosen=(f"areas of the polygon with {TOPS_FINE_STEPS} steps, on which Heun's method serves as the reference",),
         statements=(statement,), numbers={**errors, "slopes": slopes},
         description="Without areas the errors fall along slope one half, with areas along slope one.",
     )  # fmt: skip
 
 
 def _staged(errors_by_stages: dict[int, list[float]]) -> Panel:
-    h = T / np.array(STAGED)
+    h = TOPS_T / np.array(STAGED)
     slopes = {s: judge.slope(h, e) for s, e in errors_by_stages.items()}
     statement = Statement(
         "(ours) The order can be raised with several structures too, where all flows commute: s stages, order s",
@@ -168,7 +181,7 @@ def _staged(errors_by_stages: dict[int, list[float]]) -> Panel:
     return Panel(
         key="theory-several-stages", title="Several structures, commuting flows, s stages", source="§1, §5",
         series=tuple(points(f"s = {s}", h, e) for s, e in errors_by_stages.items()),
-        parameters={"problem": "commuting-rotations", "T": T, "N": list(STAGED)}, slopes=(1.0, 2.0, 3.0),
+        parameters={"problem": "commuting-rotations", "T": TOPS_T, "N": list(STAGED)}, slopes=(1.0, 2.0, 3.0),
         chosen=("increments are not truncated",), statements=(statement,),
         description="Errors fall with a slope that is the number of stages.",
         numbers={f"s = {s}": {"errors": e, "slope": slopes[s]} for s, e in errors_by_stages.items()},
@@ -178,8 +191,8 @@ def _staged(errors_by_stages: dict[int, list[float]]) -> Panel:
 def _weak(errors: dict[str, dict[str, list[float]]]) -> Panel:
     slopes = {name: judge.finest_slope(e["h"], e["weak"]) for name, e in errors.items()}
     ours, theirs, modified = (slopes[name] for name in WEAK)
-    few = {(name, law): slopes[f"{name}, {law}"] for name, law, _ in POINTS}
-    enough = (judge.above(v, q + 0.75, q + 0.5) for v, (*_, q) in zip(few.values(), POINTS, strict=True))
+    few = {(name, law): slopes[f"{name}, {law}"] for name, law, _ in POINT_PAIRS}
+    enough = (judge.above(v, q + 0.75, q + 0.5) for v, (*_, q) in zip(few.values(), POINT_PAIRS, strict=True))
     too_few = judge.decide(few["modified-weak-2", "two-point"] < 2.25, False)
     statements = (
         Statement("The weak order of the scheme is the same as that of the midpoint method", "§5",
@@ -204,6 +217,3 @@ def _weak(errors: dict[str, dict[str, list[float]]]) -> Panel:
         description="Energy-preserving and midpoint scheme fall along slope two, the modified one along slope three.",
         numbers={n: {**e, "slope": slopes[n]} for n, e in errors.items()},
     )  # fmt: skip
-
-
-PANELS = {"theory": panels}

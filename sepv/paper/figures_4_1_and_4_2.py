@@ -8,50 +8,60 @@ import numpy as np
 
 from sepv import problems, schemes
 from sepv.exact import exact_flow
-from sepv.pictures import Axis
+from sepv.pictures import TIME_AXIS, Axis
 from sepv.problem import Array
 from sepv.record import EPS
 from sepv.simulate import truncation as bounded
 from sepv.simulate import wiener
 
 from . import judge, order, runs
-from .record import SENTENCE, TIME, Job, Panel, Results, Size, Statement, series
+from .record import SENTENCE, Job, Panel, Results, Size, Statement, series
 
-PROBLEM = "harmonic-oscillator"
-STEPS, H = 100_000, 1e-2
-EXPLICIT = ("euler-maruyama", "milstein", "euler-heun")
-SHOWN = ("euler-maruyama", "energy-preserving", "milstein", "euler-heun")
+EXPLICIT_SCHEMES = ("euler-maruyama", "milstein", "euler-heun")
+OSCILLATOR_SCHEMES = ("euler-maruyama", "energy-preserving", "milstein", "euler-heun")
 # Explicit steps cost the same for one sample and for 64, so that the growth of H is measured over
 # samples.
-RUNS = runs.LongRuns("4.1", PROBLEM, H, STEPS, SHOWN, {"energy-preserving": 1}, others=64)
+OSCILLATOR_RUNS = runs.LongRuns(
+    "4.1", "harmonic-oscillator", 1e-2, 100_000, OSCILLATOR_SCHEMES, {"energy-preserving": 1}, others=64
+)
 _SAME = "§4.1 and §3.3", "the Hamiltonian is quadratic"
-ORDER = order.Setting(
-    "4.2", PROBLEM, T=5.0, steps=(80, 160, 320, 640), samples=5000,
+OSCILLATOR_ORDER = order.Setting(
+    "4.2", OSCILLATOR_RUNS.problem, T=5.0, steps=(80, 160, 320, 640), samples=5000,
     title="Oscillator: order", source="Figure 4.2", place="§4.1, Theorem 3.4",
     chosen=("step sizes 2^-4 to 2^-7", "the exact solution instead of Milstein's scheme with h = 2^-14"),
     same=(("energy-preserving", "midpoint", *_SAME), ("energy-preserving", "discrete-gradient", *_SAME)),
 )  # fmt: skip
 # Errors against a scheme with a fine step, the kind of reference that §4.1 names, on fewer samples.
-FINE_REFERENCE = order.Setting(
-    "4.2", PROBLEM, T=5.0, steps=(5120, 10240, 20480, 40960, 81920), samples=128,
+OSCILLATOR_FINE = order.Setting(
+    "4.2", OSCILLATOR_RUNS.problem, T=5.0, steps=(5120, 10240, 20480, 40960, 81920), samples=128,
     schemes=("milstein", "energy-preserving"), title="Oscillator: what a fine-step reference hides",
     source="Figure 4.2, the paper's own kind of reference", place="§4.1",
 )  # fmt: skip
-RADIUS = float(np.hypot(0.1, 0.2))
+CIRCLE_RADIUS = float(np.hypot(0.1, 0.2))
 # The window reaches to four radii of the energy circle, while solutions of other schemes grow a
 # thousandfold.
-WINDOW = 0.9
+OSCILLATOR_WINDOW = 0.9
 
 
 def jobs(size: Size) -> list[Job]:
     """The jobs of both figures: four long runs, and the errors of six schemes at the end time T."""
-    return [*order.jobs(ORDER, size), *order.fine_jobs(FINE_REFERENCE, size), *RUNS.jobs(size)]
+    return [
+        *order.jobs(OSCILLATOR_ORDER, size),
+        *order.fine_jobs(OSCILLATOR_FINE, size),
+        *OSCILLATOR_RUNS.jobs(size),
+    ]
 
 
 def long_time(results: Results) -> list[Panel]:
     """The panels of Figure 4.1: phase space, energy and position along one sample."""
-    by_scheme = RUNS.by_scheme(results)
-    parameters = {"x0": 0.1, "p0": 0.2, "c": 1.0, "h": H, "N": by_scheme["energy-preserving"].steps}
+    by_scheme = OSCILLATOR_RUNS.by_scheme(results)
+    parameters = {
+        "x0": 0.1,
+        "p0": 0.2,
+        "c": 1.0,
+        "h": OSCILLATOR_RUNS.h,
+        "N": by_scheme["energy-preserving"].steps,
+    }
     return [part(by_scheme, parameters) for part in (_phase_space, _energy, _position)]
 
 
@@ -59,13 +69,13 @@ def convergence(results: Results) -> list[Panel]:
     """The panels of Figure 4.2: strong errors against the exact solution,
     and against a scheme with a fine step.
     """
-    return [order.panel(ORDER, results), order.fine_panel(FINE_REFERENCE, results)]
+    return [order.panel(OSCILLATOR_ORDER, results), order.fine_panel(OSCILLATOR_FINE, results)]
 
 
-def _phase_space(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
+def _phase_space(by_scheme: dict[str, runs.SampledRun], parameters: dict[str, Any]) -> Panel:
     preserving, angle = by_scheme["energy-preserving"], np.linspace(0, 2 * np.pi, 181)
-    circle = series("exact: the energy circle", RADIUS * np.cos(angle), RADIUS * np.sin(angle))
-    off = float(np.max(np.abs(np.hypot(*preserving.y) / RADIUS - 1)))
+    circle = series("exact: the energy circle", CIRCLE_RADIUS * np.cos(angle), CIRCLE_RADIUS * np.sin(angle))
+    off = float(np.max(np.abs(np.hypot(*preserving.y) / CIRCLE_RADIUS - 1)))
     limit = runs.rounding_bound(preserving.steps)
     statement = Statement(
         "The numerical solutions given by the energy-preserving scheme remain on the initial energy circle", "§4.1",
@@ -74,11 +84,11 @@ def _phase_space(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> 
     )  # fmt: skip
     return Panel(
         key="4.1-phase-space", title="Oscillator: phase space", source="Figure 4.1, left",
-        x=Axis("position x"), y=Axis("momentum p"), equal=True, window=WINDOW,
+        x=Axis("position x"), y=Axis("momentum p"), equal=True, window=OSCILLATOR_WINDOW,
         series=(circle, *(series(n, x, p, n, "points") for n, r in by_scheme.items() for p, x in [_inside(r.y)])),
         parameters=parameters,
         chosen=(
-            f"|x|, |p| ≤ {WINDOW:g}, beyond which the explicit schemes go on to the end of the run",
+            f"|x|, |p| ≤ {OSCILLATOR_WINDOW:g}, beyond which the explicit schemes go on to the end of the run",
             "at most 250 points of each solution are drawn (the paper: not all)",
         ),
         statements=(statement, _cayley(), _not_suited(by_scheme)),
@@ -86,10 +96,10 @@ def _phase_space(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> 
     )  # fmt: skip
 
 
-def _energy(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
+def _energy(by_scheme: dict[str, runs.SampledRun], parameters: dict[str, Any]) -> Panel:
     statements = [runs.statement(by_scheme["energy-preserving"], "energy", constant=True, source="§4.1")]
     courses = []
-    for name in EXPLICIT:
+    for name in EXPLICIT_SCHEMES:
         lost = runs.statement(by_scheme[name], "energy", constant=False, source="§4.1")
         statements += [lost, _growth(by_scheme[name])]
         factor = by_scheme[name].energy[-1] / by_scheme[name].energy[0]
@@ -98,37 +108,40 @@ def _energy(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel
         )
     return Panel(
         key="4.1-energy", title="Oscillator: energy", source="Figure 4.1, middle",
-        x=TIME, y=Axis("energy H", log=True), series=tuple(runs.curve(r, r.energy) for r in by_scheme.values()),
+        x=TIME_AXIS, y=Axis("energy H", log=True), series=tuple(runs.curve(r, r.energy) for r in by_scheme.values()),
         parameters=parameters, statements=tuple(statements),
         chosen=("a logarithmic axis, because the energies grow or decay exponentially",),
         description=f"One horizontal line, the energy-preserving scheme; of the others {', '.join(courses)}.",
     )  # fmt: skip
 
 
-def _position(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
+def _position(by_scheme: dict[str, runs.SampledRun], parameters: dict[str, Any]) -> Panel:
     shown, preserving = ("energy-preserving", "euler-heun"), by_scheme["energy-preserving"]
     largest = {n: float(np.max(np.abs(r.y[1]))) for n, r in by_scheme.items()}
     ours, heun, *others = (largest[n] for n in (*shown, "euler-maruyama", "milstein"))
-    stays = ours <= RADIUS * (1 + runs.rounding_bound(preserving.steps))
+    stays = ours <= CIRCLE_RADIUS * (1 + runs.rounding_bound(preserving.steps))
     seen = "; ".join(f"largest |x| of {SENTENCE[n]} {largest[n]:.3g}" for n in ("euler-maruyama", "milstein"))
     statements = (
         Statement("The position of the energy-preserving method shows its long time stability, that of Euler-Heun does "
-                  "not", "§4.1", judge.decide(stays and heun > 2 * RADIUS, not stays),
-                  f"largest |x|: {ours:.4f} and {heun:.3g}; the circle's radius is {RADIUS:.4f}",
+                  "not", "§4.1", judge.decide(stays and heun > 2 * CIRCLE_RADIUS, not stays),
+                  f"largest |x|: {ours:.4f} and {heun:.3g}; the circle's radius is {CIRCLE_RADIUS:.4f}",
                   "within the radius of the energy circle for the one, beyond twice that for the other"),
         Statement("The other numerical schemes offer similar behaviour as that of Euler-Heun's method", "§4.1",
-                  judge.decide(min(others) > 2 * RADIUS, max(others) <= 2 * RADIUS and preserving.steps >= STEPS),
+                  judge.decide(min(others) > 2 * CIRCLE_RADIUS,
+                      max(others) <= 2 * CIRCLE_RADIUS and preserving.steps >= OSCILLATOR_RUNS.steps),
                   seen, "beyond twice the radius of the energy circle, as Euler-Heun's"),
     )  # fmt: skip
-    T = preserving.steps * H
+    T = preserving.steps * OSCILLATOR_RUNS.h
     last = 30.0 if T > 60 else T
-    gap = np.abs(preserving.y[1] - exact_flow(problems.by_name(PROBLEM), preserving.theta).y[1])
+    gap = np.abs(
+        preserving.y[1] - exact_flow(problems.by_name(OSCILLATOR_RUNS.problem), preserving.theta).y[1]
+    )
     return Panel(
         key="4.1-position", title="Oscillator: position", source="Figure 4.1, right",
-        x=TIME, y=Axis("position x"), window=WINDOW,
+        x=TIME_AXIS, y=Axis("position x"), window=OSCILLATOR_WINDOW,
         series=tuple(series(n, by_scheme[n].t, by_scheme[n].y[1], n) for n in shown), parameters=parameters,
         chosen=(
-            f"|x| ≤ {WINDOW:g}; Euler-Heun's position goes on to {heun:.2g}",
+            f"|x| ≤ {OSCILLATOR_WINDOW:g}; Euler-Heun's position goes on to {heun:.2g}",
             "the exact solution is not drawn: at this length it fills the same band",
         ),
         statements=statements,
@@ -146,14 +159,18 @@ def _cayley() -> Statement:
     """The statement that the explicit formula of §4.1 gives the same step as the energy-preserving
     scheme.
     """
-    problem = problems.by_name(PROBLEM)
-    dW = bounded.truncate(wiener.increments(1, T=H, steps=1, noises=1, paths=256)[0], H)
+    problem = problems.by_name(OSCILLATOR_RUNS.problem)
+    dW = bounded.truncate(
+        wiener.increments(1, T=OSCILLATOR_RUNS.h, steps=1, noises=1, paths=256)[0], OSCILLATOR_RUNS.h
+    )
     start = p, x = np.repeat(np.array(problem.initial)[:, None], 256, axis=1)
-    delta = H + dW[0]
+    delta = OSCILLATOR_RUNS.h + dW[0]
     printed = np.stack([-delta * x + (1 - delta**2 / 4) * p, (1 - delta**2 / 4) * x + delta * p]) / (
         1 + delta**2 / 4
     )
-    gap = float(np.max(np.abs(schemes.energy_preserving.step(problem, start, H, dW) - printed)))
+    gap = float(
+        np.max(np.abs(schemes.energy_preserving.step(problem, start, OSCILLATOR_RUNS.h, dW) - printed))
+    )
     limit = 8 * EPS * 0.2
     return Statement(
         "Scheme (2.2) reduces to the explicit formula of §4.1", "§4.1", judge.at_most(gap, limit, 1e3 * limit),
@@ -176,7 +193,7 @@ def growth_per_step(name: str, h: float) -> tuple[float, float]:
     return mean, float(w @ (ln - mean) ** 2)
 
 
-def _growth(run: runs.Run) -> Statement:
+def _growth(run: runs.SampledRun) -> Statement:
     """The statement on the growth of energy: the mean of ln H over samples against E[ln H] by the
     scheme's formula.
     """
@@ -191,14 +208,14 @@ def _growth(run: runs.Run) -> Statement:
     )  # fmt: skip
 
 
-def _not_suited(by_scheme: dict[str, runs.Run]) -> Statement:
-    ratios = {SENTENCE[n]: by_scheme[n].energy / by_scheme[n].energy[0] for n in EXPLICIT}
+def _not_suited(by_scheme: dict[str, runs.SampledRun]) -> Statement:
+    ratios = {SENTENCE[n]: by_scheme[n].energy / by_scheme[n].energy[0] for n in EXPLICIT_SCHEMES}
     left = [bool(r.max() > 2 or r.min() < 0.5) for r in ratios.values()]
     return Statement(
         "Euler-Maruyama's, Euler-Heun's and Milstein's methods are not appropriate for simulations of the stochastic "
         "oscillator over long time intervals", "§4.1",
         # In a run shorter than the paper's, small growth does not refute the statement.
-        judge.decide(all(left), not any(left) and by_scheme["milstein"].steps >= STEPS),
+        judge.decide(all(left), not any(left) and by_scheme["milstein"].steps >= OSCILLATOR_RUNS.steps),
         "; ".join(f"{name}: H/H_0 from {r.min():.2g} to {r.max():.2g}" for name, r in ratios.items()),
         "the energy of the sample leaves the factor 2 around its start",
     )  # fmt: skip
@@ -206,8 +223,5 @@ def _not_suited(by_scheme: dict[str, runs.Run]) -> Statement:
 
 def _inside(y: Array, points: int = 250) -> Array:
     """The states (d, M) that lie in the panel's window, thinned to at most `points`."""
-    seen = y[:, np.max(np.abs(y), axis=0) <= WINDOW]
+    seen = y[:, np.max(np.abs(y), axis=0) <= OSCILLATOR_WINDOW]
     return seen[:, :: max(1, -(-seen.shape[1] // points))]
-
-
-PANELS = {"4.1": long_time, "4.2": convergence}

@@ -7,32 +7,33 @@ from typing import Any
 import numpy as np
 
 from sepv import problems, schemes
-from sepv.pictures import Axis, power
+from sepv.pictures import TIME_AXIS, Axis, power
 from sepv.properties import GROWTH_LEVEL as LEVEL
 from sepv.properties import growth_exponent as exponent
-from sepv.studies import DOUBLINGS, Growth, growth
+from sepv.studies import SLOPE_DOUBLINGS, Growth, growth
 
 from . import judge, order, runs
-from .record import TIME, Job, Panel, Results, Size, Statement, points, series
+from .record import Job, Panel, Results, Size, Statement, points, series
 
-PROBLEM = "pendulum"
-STEPS, H = 32_000, 2.0**-6
-LOSE = ("euler-maruyama", "euler-heun", "milstein")
-KEEP = ("discrete-gradient", "energy-preserving")
-SHOWN = (*LOSE, "midpoint", *KEEP)
+PENDULUM_LOSERS = ("euler-maruyama", "euler-heun", "milstein")
+PENDULUM_KEEPERS = ("discrete-gradient", "energy-preserving")
+PENDULUM_SCHEMES = (*PENDULUM_LOSERS, "midpoint", *PENDULUM_KEEPERS)
 # The number of samples; one is drawn. Further samples cost explicit schemes nothing, and the
 # midpoint rule little.
-SAMPLES = {"energy-preserving": 1, "discrete-gradient": 1, "midpoint": 32}
-RUNS = runs.LongRuns("4.4", PROBLEM, H, STEPS, SHOWN, SAMPLES, others=64)
+PENDULUM_SAMPLES = {"energy-preserving": 1, "discrete-gradient": 1, "midpoint": 32}
+PENDULUM_RUNS = runs.LongRuns(
+    "4.4", "pendulum", 2.0**-6, 32_000, PENDULUM_SCHEMES, PENDULUM_SAMPLES, others=64
+)
 NOT_SAID = "(ours) not said in §4.3"
-ORDER = order.Setting(
-    "4.5", PROBLEM, T=2.0, steps=(32, 64, 128, 256, 512), samples=1000,
+PENDULUM_ORDER = order.Setting(
+    "4.5", PENDULUM_RUNS.problem, T=2.0, steps=(32, 64, 128, 256, 512), samples=1000,
     title="Pendulum: order", source="Figure 4.5", place="§4.3, Theorem 3.4",
     chosen=("step sizes 2^-4 to 2^-8", "the exact solution instead of the midpoint scheme with h = 2^-12"),
     same=(("energy-preserving", "discrete-gradient", NOT_SAID, "B is constant and H(p, q) separates"),),
 )  # fmt: skip
-FINE_REFERENCE = order.Setting(
-    "4.5", PROBLEM, T=2.0, steps=(128, 512, 1024, 2048, 4096, 8192), samples=256, schemes=("midpoint", "milstein"),
+PENDULUM_FINE = order.Setting(
+    "4.5", PENDULUM_RUNS.problem, T=2.0, steps=(128, 512, 1024, 2048, 4096, 8192), samples=256,
+    schemes=("midpoint", "milstein"),
     title="Pendulum: what a fine-step reference hides",
     source="Figure 4.5, the paper's own kind of reference", place="§4.3",
 )  # fmt: skip
@@ -41,9 +42,9 @@ FINE_REFERENCE = order.Setting(
 MEAN_H, MEAN_STEPS, MEAN_PATHS = (2.0**-3, 2.0**-4), 4096, 4000
 
 # The window holds a few turns of a pendulum that turns over, and the bounded swing remains visible.
-WINDOW = 15.0
+PENDULUM_WINDOW = 15.0
 
-_PARAMETERS = {"p0": 0.2, "q0": 1.0, "c": [1.0, 0.5], "h": H}
+_PENDULUM_PARAMETERS = {"p0": 0.2, "q0": 1.0, "c": [1.0, 0.5], "h": PENDULUM_RUNS.h}
 
 
 def jobs(size: Size) -> list[Job]:
@@ -54,17 +55,22 @@ def jobs(size: Size) -> list[Job]:
     T = max(MEAN_H) * 2 ** (size.steps(MEAN_STEPS).bit_length() - 1)
     given = {"T": T, "paths": size.samples(MEAN_PATHS), **size.given}
     # A batch of thousands of paths costs six times as much as one path.
-    cost = T * runs.COST["midpoint"] * 6
+    cost = T * runs.STEP_SECONDS["midpoint"] * 6
     means = [Job(("4.4", "mean", str(h)), mean_energy, {"h": h, **given}, cost / h) for h in MEAN_H]
-    return [*order.jobs(ORDER, size), *order.fine_jobs(FINE_REFERENCE, size), *RUNS.jobs(size), *means]
+    return [
+        *order.jobs(PENDULUM_ORDER, size),
+        *order.fine_jobs(PENDULUM_FINE, size),
+        *PENDULUM_RUNS.jobs(size),
+        *means,
+    ]
 
 
 def long_time(results: Results) -> list[Panel]:
     """The panels of Figure 4.4: energy of all schemes, energy of two schemes enlarged, mean energy,
     and position.
     """
-    by_scheme = RUNS.by_scheme(results)
-    parameters = _PARAMETERS | {"T": by_scheme["midpoint"].steps * H}
+    by_scheme = PENDULUM_RUNS.by_scheme(results)
+    parameters = _PENDULUM_PARAMETERS | {"T": by_scheme["midpoint"].steps * PENDULUM_RUNS.h}
     mean = _mean({h: results["4.4", "mean", str(h)] for h in MEAN_H})
     return [
         _energy(by_scheme, parameters),
@@ -78,23 +84,23 @@ def convergence(results: Results) -> list[Panel]:
     """The panels of Figure 4.5: errors against the exact solution,
     and against a scheme with a fine step.
     """
-    return [order.panel(ORDER, results), order.fine_panel(FINE_REFERENCE, results)]
+    return [order.panel(PENDULUM_ORDER, results), order.fine_panel(PENDULUM_FINE, results)]
 
 
-def _energy(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
-    judged = {n: by_scheme[n] for n in (*LOSE, *KEEP)}
+def _energy(by_scheme: dict[str, runs.SampledRun], parameters: dict[str, Any]) -> Panel:
+    judged = {n: by_scheme[n] for n in (*PENDULUM_LOSERS, *PENDULUM_KEEPERS)}
     return Panel(
         key="4.4-energy", title="Pendulum: energy above the rest position", source="Figure 4.4, left",
-        x=TIME, y=Axis("energy H + 1", log=True),
+        x=TIME_AXIS, y=Axis("energy H + 1", log=True),
         series=tuple(runs.curve(r, r.energy + 1) for r in by_scheme.values()), parameters=parameters,
         chosen=("H + 1, the energy above the rest position, on a logarithmic axis",),
-        statements=tuple(runs.statements(judged, "energy", KEEP, "§4.3")),
+        statements=tuple(runs.statements(judged, "energy", PENDULUM_KEEPERS, "§4.3")),
         description="The explicit schemes gain energy; midpoint, discrete gradient and energy-preserving scheme "
         "cannot be told from a horizontal line.",
     )  # fmt: skip
 
 
-def _zoom(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
+def _zoom(by_scheme: dict[str, runs.SampledRun], parameters: dict[str, Any]) -> Panel:
     midpoint = by_scheme["midpoint"]
     moved = float(np.max(np.abs(midpoint.energy - midpoint.energy[0])))
     above = float(midpoint.energy[0] + 1)
@@ -108,7 +114,7 @@ def _zoom(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
     rms = np.sqrt(np.mean((midpoint.energies - midpoint.energy[0]) ** 2, axis=1))
     return Panel(
         key="4.4-energy-zoom", title="Pendulum: energy, zoom", source="Figure 4.4, middle",
-        x=TIME, y=Axis("energy H"), parameters=parameters,
+        x=TIME_AXIS, y=Axis("energy H"), parameters=parameters,
         series=tuple(runs.curve(r, r.energy) for r in (midpoint, by_scheme["energy-preserving"])),
         statements=(almost, _walk(midpoint)),
         description="The energy of the midpoint scheme wanders about its start; that of the energy-preserving scheme "
@@ -120,7 +126,7 @@ def _zoom(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
     )  # fmt: skip
 
 
-def _walk(run: runs.Run) -> Statement:
+def _walk(run: runs.SampledRun) -> Statement:
     """The statement that the midpoint scheme's energy error grows like √t,
     decided by its rms over samples.
 
@@ -134,7 +140,7 @@ def _walk(run: runs.Run) -> Statement:
     times, errors = run.checkpoints[late] * run.h, run.energies[late] - run.energy[0]
     verdict: judge.Verdict = "open"
     measured = f"t = {run.steps * run.h:g} is too short to tell"
-    if times.size > DOUBLINGS and errors.shape[1] >= 3:
+    if times.size > SLOPE_DOUBLINGS and errors.shape[1] >= 3:
         value, half = exponent(times, errors)
         rms = np.sqrt(np.mean(errors**2, axis=1))
         verdict = judge.decide(value - half > 0.25, value + half < 0.25)
@@ -145,7 +151,7 @@ def _walk(run: runs.Run) -> Statement:
     return Statement(
         "The energy error of the midpoint scheme is not bounded: it walks, as √t", NOT_SAID, verdict, measured,
         "after the first period a bounded error has exponent 0, and a random walk 1/2. Decided after "
-        f"{DOUBLINGS} doublings of the time, where the interval of {1 - LEVEL:.1%} is on one side of 1/4",
+        f"{SLOPE_DOUBLINGS} doublings of the time, where the interval of {1 - LEVEL:.1%} is on one side of 1/4",
     )  # fmt: skip
 
 
@@ -193,7 +199,7 @@ def _mean(growth_by_step: dict[float, Growth]) -> Panel:
         key="4.4-energy-mean", title="Pendulum: mean energy of the midpoint scheme",
         source="Figure 4.4, over many paths",
         x=Axis("time t", log=True), y=Axis("mean and rms of H − H(y0)", log=True), series=tuple(curves),
-        parameters={**_PARAMETERS, "h": list(growth_by_step), "T": float(coarse.times[-1]), "paths": paths},
+        parameters={**_PENDULUM_PARAMETERS, "h": list(growth_by_step), "T": float(coarse.times[-1]), "paths": paths},
         chosen=("larger steps than the figure's: the drift falls as h², the walk that hides it as h",),
         statements=statements,
         description="The rms grows along √t. The mean is smaller: it starts from an offset and grows in proportion "
@@ -207,7 +213,7 @@ def _mean(growth_by_step: dict[float, Growth]) -> Panel:
     )  # fmt: skip
 
 
-def _position(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
+def _position(by_scheme: dict[str, runs.SampledRun], parameters: dict[str, Any]) -> Panel:
     shown, others = ("energy-preserving", "euler-heun"), ("discrete-gradient", "midpoint")
     # A pendulum that cannot turn over stays within |q| ≤ arccos(−H), Remark 3.5.
     reach = float(np.arccos(-by_scheme[shown[0]].energy[0]))
@@ -226,12 +232,9 @@ def _position(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Pan
     )  # fmt: skip
     return Panel(
         key="4.4-position", title="Pendulum: position", source="Figure 4.4, right",
-        x=TIME, y=Axis("angle q in radians"), window=WINDOW,
+        x=TIME_AXIS, y=Axis("angle q in radians"), window=PENDULUM_WINDOW,
         series=tuple(series(n, by_scheme[n].t, by_scheme[n].y[1], n) for n in shown), parameters=parameters,
-        chosen=(f"|q| ≤ {WINDOW:g}; the angle of Euler-Heun goes on to {heun:.0f}",), statements=statements,
+        chosen=(f"|q| ≤ {PENDULUM_WINDOW:g}; the angle of Euler-Heun goes on to {heun:.0f}",), statements=statements,
         description="The angle of the energy-preserving scheme oscillates in a constant band; the pendulum of "
         "Euler-Heun turns over and its angle wanders off.",
     )  # fmt: skip
-
-
-PANELS = {"4.4": long_time, "4.5": convergence}

@@ -29,9 +29,9 @@ from sepv.schemes import structure_curvature, structure_slope
 from . import judge
 from .record import Job, Panel, Results, Size, Statement, points
 
-SCHEMES = ("energy-preserving", "midpoint")
-NAMES = ("rigid-body", "pendulum", "lotka-volterra")
-H_STEPS = tuple(2.0**-n for n in range(4, 12))
+LEMMA_SCHEMES = ("energy-preserving", "midpoint")
+LEMMA_PROBLEMS = ("rigid-body", "pendulum", "lotka-volterra")
+LEMMA_STEP_SIZES = tuple(2.0**-n for n in range(4, 12))
 # The step Δ of differences in extended precision, whose error is O(Δ²), about 1e-12.
 DIFFERENCE_STEP = 2.0**-20
 # The relative difference that is allowed for two values of c(y): differences in binary64 give c to
@@ -89,9 +89,9 @@ def measured(problem: str) -> dict[str, dict[str, Any]]:
     a = vector_field(system, y)
     b = 0.5 * derivative_along(system, y, a)
     moments = {}
-    for name, c in zip(SCHEMES, coefficients(system, y), strict=True):
+    for name, c in zip(LEMMA_SCHEMES, coefficients(system, y), strict=True):
         mean, rms = [], []
-        for h in H_STEPS:
+        for h in LEMMA_STEP_SIZES:
             nodes = rule(system.noises, h, 2, 12)
             dW = np.sqrt(h) * nodes.zeta[:, nodes.index]
             start = np.repeat(y, dW.shape[1], axis=1)
@@ -114,22 +114,22 @@ def jobs(_size: Size) -> list[Job]:
     """The jobs: one for each problem. No job is random,
     so that none depends on the size of the reproduction.
     """
-    return [Job(("theory", "lemma", name), measured, {"problem": name}, 1.0) for name in NAMES]
+    return [Job(("theory", "lemma", name), measured, {"problem": name}, 1.0) for name in LEMMA_PROBLEMS]
 
 
 def panels(results: Results) -> list[Panel]:
     """The panel of moments of R_n and R̃_n, the remainders after Δ³ of (2.1)
     and the midpoint scheme, against h.
     """
-    moments = {name: results["theory", "lemma", name] for name in NAMES}
+    moments = {name: results["theory", "lemma", name] for name in LEMMA_PROBLEMS}
     return [Panel(
         key="theory-lemma-3.2", title="What the expansions (3.1) and (3.5) leave", source="Lemma 3.2, (3.2), (3.5)",
         y=Axis("moments of R_n", log=True),
         series=tuple(
-            points(f"{name}, {label}", H_STEPS, one[SCHEMES[0]][kind])
+            points(f"{name}, {label}", LEMMA_STEP_SIZES, one[LEMMA_SCHEMES[0]][kind])
             for name, one in moments.items() for kind, label in (("mean", "E‖R‖"), ("rms", "(E‖R‖²)^½"))
         ),
-        parameters={"k": 2, "h": list(H_STEPS)}, chosen=("one step from 1.1 y0 + 0.05",), slopes=(2.0,),
+        parameters={"k": 2, "h": list(LEMMA_STEP_SIZES)}, chosen=("one step from 1.1 y0 + 0.05",), slopes=(2.0,),
         statements=tuple(s for name, one in moments.items() for s in _statements(name, one)),
         description="Both moments fall along slope two.", numbers=moments,
     )]  # fmt: skip
@@ -139,7 +139,7 @@ def _statements(name: str, moments: dict[str, dict[str, Any]]) -> Iterator[State
     """Statements on the coefficients of Δ³ in y1, by formula and by small steps,
     and on the remainder's orders.
     """
-    values = {kind: [np.array(moments[n][kind]) for n in SCHEMES] for kind in ("formula", "expansion")}
+    values = {kind: [np.array(moments[n][kind]) for n in LEMMA_SCHEMES] for kind in ("formula", "expansion")}
     size = max(np.max(np.abs(one)) for one in values["expansion"])
     ours, theirs = (a - b for a, b in zip(*values.values(), strict=True))
     both = np.subtract(*values["formula"]) - np.subtract(*values["expansion"])
@@ -160,7 +160,7 @@ def _statements(name: str, moments: dict[str, dict[str, Any]]) -> Iterator[State
             f"{formula} and the expansion at 60 digits differ by {apart:.1e}",
             f"a difference of at most {AGREES:g} of c: differences of B and H″ in binary64",
         )  # fmt: skip
-    for scheme, letter, source in zip(SCHEMES, ("R_n", "R̃_n"), ("(3.2)", "after (3.5)"), strict=True):
+    for scheme, letter, source in zip(LEMMA_SCHEMES, ("R_n", "R̃_n"), ("(3.2)", "after (3.5)"), strict=True):
         # The finest pair of steps is taken, because the next term of the remainder is smaller by
         # the factor √h only.
         mean, rms = (
@@ -172,6 +172,3 @@ def _statements(name: str, moments: dict[str, dict[str, Any]]) -> Iterator[State
             f"slopes {mean:.2f} and {rms:.2f} at h = 2^-10 to 2^-11, by quadrature over ΔŴ",
             "slopes above 7/4, half-way to the next lower half-integer",
         )  # fmt: skip
-
-
-PANELS = {"theory": panels}

@@ -16,21 +16,21 @@ from sepv.console import Column, Table, counted, print_table, showing, statement
 from .record import Statement, counts
 from .suite import Reproduction, ShareProgress
 
-_STYLES = {"holds": "green", "fails": "bold red", "open": "yellow"}
+_STATEMENT_STYLES = {"holds": "green", "fails": "bold red", "open": "yellow"}
 
 
 def show(reproduction: Reproduction, out: Console) -> None:
     """Print the statements of each panel with their verdicts and measurements."""
     for panel in reproduction.panels:
         out.print(Text.assemble((panel.title, "bold"), f"  {panel.source}"))
-        rows = [Row("", f"chosen: {choice}", "dim") for choice in panel.chosen]
+        rows = [Paragraph("", f"chosen: {choice}", "dim") for choice in panel.chosen]
         _print([*rows, *(row for s in panel.statements for row in _rows(s))], out)
     if reproduction.text:
         out.print(Text("As printed", style="bold"))
         _print([row for s in reproduction.text for row in _rows(s)], out)
 
 
-class Row(NamedTuple):
+class Paragraph(NamedTuple):
     """A paragraph of the report and the verdict on its statement;
     the verdict is empty if it makes no statement.
     """
@@ -40,15 +40,15 @@ class Row(NamedTuple):
     style: str = ""
 
 
-def _rows(s: Statement) -> list[Row]:
-    rows = [Row(s.verdict, f"{s.text} ({s.source})"), Row("", s.measured, "dim")]
+def _rows(s: Statement) -> list[Paragraph]:
+    rows = [Paragraph(s.verdict, f"{s.text} ({s.source})"), Paragraph("", s.measured, "dim")]
     if s.verdict != "holds":
-        rows.append(Row("", f"criterion: {s.criterion}", "dim"))
-        rows += [Row("", f"instead: {s.correction}", "dim")] if s.correction else []
+        rows.append(Paragraph("", f"criterion: {s.criterion}", "dim"))
+        rows += [Paragraph("", f"instead: {s.correction}", "dim")] if s.correction else []
     return rows
 
 
-def _print(rows: Sequence[Row], out: Console) -> None:
+def _print(rows: Sequence[Paragraph], out: Console) -> None:
     """Print paragraphs wrapped beside their verdicts; if the output is no terminal, one line
     each.
     """
@@ -57,7 +57,11 @@ def _print(rows: Sequence[Row], out: Console) -> None:
             out.print(Text(f"  {row.verdict:<6}{row.text}"), soft_wrap=True)
     else:
         cells = [
-            ("", Text(row.verdict, style=_STYLES.get(row.verdict, "")), Text(row.text, style=row.style))
+            (
+                "",
+                Text(row.verdict, style=_STATEMENT_STYLES.get(row.verdict, "")),
+                Text(row.text, style=row.style),
+            )
             for row in rows
         ]
         columns = (Column("indent"), Column("verdict", least=6), Column("text", words=True))

@@ -18,9 +18,9 @@ from . import judge, record, runs
 from .record import Job, Panel, Results, Size, Statement, rms_points
 
 # The probability that the two-sided confidence interval of a slope does not contain the slope.
-ALPHA = 0.01
+SLOPE_ALPHA = 0.01
 # Microseconds for each sample and step in a batch, from which the time left is estimated.
-COST = {"energy-preserving": 3.0, "midpoint": 2.5, "discrete-gradient": 5.0}
+SAMPLE_MICROSECONDS = {"energy-preserving": 3.0, "midpoint": 2.5, "discrete-gradient": 5.0}
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Setting:
         `cost` is the expected time of one step of one sample, in microseconds.
         """
         arguments = {"scheme": scheme, "samples": samples, **self.given, **size.given}
-        seconds = samples * sum(self.steps) * COST.get(scheme, cost) * 1e-6
+        seconds = samples * sum(self.steps) * SAMPLE_MICROSECONDS.get(scheme, cost) * 1e-6
         return Job((self.figure, *key), runs.errors, arguments, seconds)
 
 
@@ -70,7 +70,7 @@ def jobs(setting: Setting, size: Size) -> list[Job]:
 def order_statement(name: str, errors: StrongErrors, source: str) -> Statement:
     """The statement of the paper on the order of a scheme, with a verdict by the measured slope."""
     stated = (record.STATED | record.OURS)[name]
-    measured = slope(errors, ALPHA)
+    measured = slope(errors, SLOPE_ALPHA)
     failed = f"; {sum(errors.failures)} samples with a step that failed" if any(errors.failures) else ""
     return Statement(
         f"{record.sentence(name)} has mean-square order {'1/2' if stated == 0.5 else '1'}", source,
@@ -124,7 +124,7 @@ def panel(setting: Setting, results: Results, extra: Sequence[Statement] = ()) -
         description="Mean-square errors with intervals of 95 % fall with the step size along lines of slope one, "
         "those of Euler-Maruyama along slope one half.",
         numbers={
-            name: {"rms": e.rms().tolist(), "failures": list(e.failures), "slope": slope(e, ALPHA).value}
+            name: {"rms": e.rms().tolist(), "failures": list(e.failures), "slope": slope(e, SLOPE_ALPHA).value}
             for name, e in errors.items()
         },
     )  # fmt: skip

@@ -43,7 +43,7 @@ SENTENCE = {name: words for name, (words, _) in _PAPER.items()} | {"splitting": 
 # The place of each scheme in a legend; references come first, and schemes of no figure last.
 _PLACES = {name: place for place, name in enumerate(("", *STATED, *OURS))}
 
-H_AXIS, TIME = Axis("step size h", log=True), Axis("time t")
+H_AXIS = Axis("step size h", log=True)
 ERROR_AXIS = Axis("mean-square error at the end", log=True)
 
 # Schemes with compiled code in the extra `fast`, which takes a few per cent of NumPy's time, and
@@ -225,9 +225,9 @@ def sentence(name: str) -> str:
 
 # In inches; the width is that of a journal's column, 86 mm. Type has 8 points, the smallest has
 # 6.5.
-WIDTH, HEIGHT = 3.39, 3.05
+FIGURE_WIDTH, FIGURE_HEIGHT = 3.39, 3.05
 # Letters are drawn as paths, so that a journal's page shows them as they are here.
-_STYLE = {
+_FIGURE_STYLE = {
     "svg.fonttype": "path", "font.size": 8, "xtick.labelsize": 7, "ytick.labelsize": 7, "legend.fontsize": 6.5,
     "lines.linewidth": 1.0, "grid.linewidth": 0.4,
 }  # fmt: skip
@@ -241,7 +241,7 @@ def draw(panel: Panel, folder: Path) -> list[Path]:
     # higher.
     columns = 2 if max(len(s.name) for s in panel.series) <= 22 else 1
     more = max(0, math.ceil(len(panel.series) / columns) - 3)
-    with figure(WIDTH, HEIGHT + 0.14 * more, _STYLE, layout="constrained") as drawn:
+    with figure(FIGURE_WIDTH, FIGURE_HEIGHT + 0.14 * more, _FIGURE_STYLE, layout="constrained") as drawn:
         draw_curves(
             drawn.add_subplot(), panel.series, looks(s.look_key for s in panel.series), panel.x, panel.y,
             slopes=panel.slopes, equal=panel.equal, window=panel.window,

@@ -22,19 +22,19 @@ from sepv.schemes import energy_preserving as SCHEME
 from sepv.simulate import Ensemble, ensemble, truncate, wiener
 
 from . import judge
-from .order import ALPHA
+from .order import SLOPE_ALPHA
 from .record import Job, Panel, Results, Size, Statement, points, rms_points
 from .runs import coarsened, errors
 
 # With this k of Remark 2.1 no increment of the order panel is clipped; a clipped one would add an
 # error of its own.
 UNCLIPPED = 4
-STEPS, SAMPLES = (32, 64, 128, 256), 1000
+REMARK_STEPS, REMARK_SAMPLES = (32, 64, 128, 256), 1000
 # The end time, the number of paths and the step sizes for Lotka-Volterra: by this time every path
 # has a refused step.
 LOST, LOST_PATHS, LOST_H = 512.0, 48, (2.0**-7, 2.0**-8, 2.0**-9)
-TIMES = tuple(2.0**k for k in range(10))
-SETS = {
+REMARK_TIMES = tuple(2.0**k for k in range(10))
+SENTENCE_OF_SET = {
     "pendulum": "the set |p| ≤ √(p0² + 4) contains the numerical trajectories of the pendulum",
     "rigid-body": "the convex hull of the ellipsoid H(y) = H(y0) contains those of the rigid body",
 }
@@ -67,7 +67,7 @@ def sublinear_errors(samples: int, seed: int) -> StrongErrors:
     all step sizes have the same Wiener paths.
     """
     scheme = replace(SCHEME, truncation=UNCLIPPED)
-    return errors(scheme, sublinear(), T=1.0, steps=STEPS, samples=samples, seed=seed)
+    return errors(scheme, sublinear(), T=1.0, steps=REMARK_STEPS, samples=samples, seed=seed)
 
 
 def sublinear_step() -> list[float]:
@@ -84,13 +84,13 @@ def casimir_loss(h: float, steps: int, paths: int, seed: int, engine: str) -> di
     """Measure by how much (2.1) changes the Casimir C along paths of Lotka-Volterra,
     and which steps it refuses.
 
-    The result has the mean of C(y) − C(y0) at `TIMES` over the paths without a refused step so far,
-    the times of the refused steps, and the number of refused steps for which
+    The result has the mean of C(y) − C(y0) at `REMARK_TIMES` over the paths without a refused step
+    so far, the times of the refused steps, and the number of refused steps for which
     `sepv.schemes.continued` finds a solution.
     """
     problem = problems.lotka_volterra()
     assert problem.nambu is not None
-    times = [t for t in TIMES if t <= steps * h]
+    times = [t for t in REMARK_TIMES if t <= steps * h]
     sample = ensemble(SCHEME, problem, h=h, steps=steps, paths=paths, seed=seed, times=times, engine=engine)
     before = float(problem.nambu.casimir(np.array(problem.initial)))
     failed = np.where(sample.failed_step < 0, steps, sample.failed_step) * h
@@ -159,7 +159,10 @@ def jobs(size: Size) -> list[Job]:
     """The jobs: order if H is unbounded, Casimir of Lotka-Volterra,
     failed steps with and without truncation.
     """
-    samples, sublinear = size.samples(SAMPLES), {"samples": size.samples(SAMPLES), "seed": size.seed}
+    samples, sublinear = (
+        size.samples(REMARK_SAMPLES),
+        {"samples": size.samples(REMARK_SAMPLES), "seed": size.seed},
+    )
     lost = {
         h: {"h": h, "steps": size.steps(round(LOST / h)), "paths": LOST_PATHS, **size.given} for h in LOST_H
     }
@@ -168,7 +171,10 @@ def jobs(size: Size) -> list[Job]:
         Job(("theory", "sublinear"), sublinear_errors, sublinear, 2.0),
         Job(("theory", "sublinear step"), sublinear_step, {}, 0.5),
         *(Job(("theory", "lost", str(h)), casimir_loss, arguments, 2.0) for h, arguments in lost.items()),
-        *(Job(("theory", "sets", name), furthest, {"problem": name, **size.given}, 2.0) for name in SETS),
+        *(
+            Job(("theory", "sets", name), furthest, {"problem": name, **size.given}, 2.0)
+            for name in SENTENCE_OF_SET
+        ),
         *(
             Job(("theory", "clip", n, str(t)), failing, {**a, **size.given}, 1.0)
             for (n, t), a in clip.items()
@@ -178,7 +184,7 @@ def jobs(size: Size) -> list[Job]:
 
 def panels(results: Results) -> list[Panel]:
     """The panels: one for each remark."""
-    sets = [_in_the_set(name, results["theory", "sets", name]) for name in SETS]
+    sets = [_in_the_set(name, results["theory", "sets", name]) for name in SENTENCE_OF_SET]
     lost = _lost(results)
     return [
         _sublinear(results["theory", "sublinear"], results["theory", "sublinear step"]),
@@ -188,7 +194,7 @@ def panels(results: Results) -> list[Panel]:
 
 
 def _sublinear(errors: StrongErrors, local: list[float]) -> Panel:
-    measured = slope(errors, ALPHA)
+    measured = slope(errors, SLOPE_ALPHA)
     order = judge.interval_near(measured.low, measured.high, 1, 0.25)
     statement = Statement(
         "The results extend to cases where H is not bounded, f is sublinear and its derivatives are bounded",
@@ -214,7 +220,7 @@ def _in_the_set(name: str, reached: dict[str, float]) -> Statement:
     # (2.1) keeps H up to a relative error of 8 eps √N, and `reached` has square roots of H/H(y0).
     limit = 1 + 8 * EPS * SET_STEPS**0.5
     return Statement(
-        SETS[name], "Remark 3.5", judge.at_most(max(reached.values()), limit, limit + 1e-3),
+        SENTENCE_OF_SET[name], "Remark 3.5", judge.at_most(max(reached.values()), limit, limit + 1e-3),
         f"(2.1) goes {reached['(2.1)']:.6f} of the way to the boundary, exact solutions {reached['exact']:.6f} "
         f"({SET_PATHS} paths, t ≤ {SET_STEPS * SET_H:g})",
         "at most 1, and the rounding of H",
@@ -282,6 +288,3 @@ def _clipped(results: Results) -> Panel:
         description="Oscillator and pendulum never fail. Lotka-Volterra fails at large steps with and without "
         "truncation.",
     )  # fmt: skip
-
-
-PANELS = {"theory": panels}

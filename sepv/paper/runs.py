@@ -31,15 +31,15 @@ from .record import Job, Results, Size, Statement, sentence, series, stated_in
 # A drift of more than this many times the rounding bound is not rounding.
 DRIFT_FACTOR = 1e3
 # The largest number of points that are kept of the sample that figures show.
-POINTS = 1000
+DRAWN_MAX_POINTS = 1000
 
 
 @dataclass(frozen=True)
-class Run:
+class SampledRun:
     """Samples of one scheme on one time interval; figures show the first sample.
 
-    t, y : times (K,) and states (d, K) of the first sample, thinned to about POINTS steps, with its
-        end
+    t, y : times (K,) and states (d, K) of the first sample, thinned to about DRAWN_MAX_POINTS
+        steps, with its end
     energy, casimir : (N+1,), H and the first quadratic Casimir yᵀAy along the first sample; empty
         without a Casimir
     theta : (K,), the exact solution's time t + Σ c_j W_j(t) at `t`
@@ -68,8 +68,8 @@ class Run:
 
 # Seconds of one implicit step in NumPy, and of one explicit step, from which the time left is
 # estimated.
-COST = {"energy-preserving": 500e-6, "midpoint": 600e-6, "discrete-gradient": 2000e-6}
-EXPLICIT = 110e-6
+STEP_SECONDS = {"energy-preserving": 500e-6, "midpoint": 600e-6, "discrete-gradient": 2000e-6}
+EXPLICIT_STEP_SECONDS = 110e-6
 
 
 @dataclass(frozen=True)
@@ -98,18 +98,19 @@ class LongRuns:
         given = {"problem": self.problem, "h": self.h, "steps": steps, **size.given}
         samples = {name: self.samples.get(name, self.others) for name in self.shown}
         return [
-            Job((self.figure, "run", n), long_run, {"scheme": n, "samples": M, **given}, steps * COST.get(n, EXPLICIT))
+            Job((self.figure, "run", n), long_run, {"scheme": n, "samples": M, **given},
+                steps * STEP_SECONDS.get(n, EXPLICIT_STEP_SECONDS))
             for n, M in samples.items()
         ]  # fmt: skip
 
-    def by_scheme(self, results: Results) -> dict[str, Run]:
+    def by_scheme(self, results: Results) -> dict[str, SampledRun]:
         """The finished runs by name of the scheme, from the results of the jobs."""
         return {name: results[self.figure, "run", name] for name in self.shown}
 
 
 def long_run(
     scheme: str, problem: str, *, h: float, steps: int, seed: int, samples: int = 1, engine: str = "auto"
-) -> Run:
+) -> SampledRun:
     """Run one scheme over a long time: `samples` paths from the problem's initial state in steps
     of h.
 
@@ -123,11 +124,13 @@ def long_run(
     first, energies, failed = _follow(method, system, h, raw, checkpoints, engine)
     stopped = failed + 1 if failed >= 0 else -1
     shown = first[:, : stopped if stopped > 0 else steps + 1]
-    kept = np.unique(np.append(np.arange(0, shown.shape[1], max(1, steps // POINTS)), shown.shape[1] - 1))
+    kept = np.unique(
+        np.append(np.arange(0, shown.shape[1], max(1, steps // DRAWN_MAX_POINTS)), shown.shape[1] - 1)
+    )
     W = np.concatenate([np.zeros((system.noises, 1)), np.cumsum(raw[:, :, 0].T, axis=1)], axis=1)
     t = np.arange(steps + 1) * h
     A = system.casimirs[0] if system.casimirs else None
-    return Run(
+    return SampledRun(
         scheme=scheme, problem=problem, h=h, t=t[kept], y=shown[:, kept], theta=(t + system.c @ W)[kept],
         energy=system.hamiltonian(shown),
         casimir=np.empty(0) if A is None else np.einsum("in,ij,jn->n", shown, A, shown),
@@ -204,7 +207,7 @@ def rounding_bound(steps: int) -> float:
     return 8 * EPS * float(np.sqrt(steps))
 
 
-def curve(run: Run, values: Array) -> Series:
+def curve(run: SampledRun, values: Array) -> Series:
     """The curve of an invariant along the first sample of a run, thinned to about 600 steps;
     the last step is kept.
     """
@@ -212,7 +215,7 @@ def curve(run: Run, values: Array) -> Series:
     return series(run.scheme, kept * run.h, values[kept], scheme=run.scheme)
 
 
-def bound(run: Run, what: str, *, constant: bool = True) -> float:
+def bound(run: SampledRun, what: str, *, constant: bool = True) -> float:
     """A bound on the change of the invariant `what` by rounding along a run,
     relative to its value at the start.
 
@@ -235,7 +238,7 @@ def drift(values: Array) -> float:
 
 
 def statements(
-    by_scheme: Mapping[str, Run], what: str, keep: Collection[str], place: str, **places: str
+    by_scheme: Mapping[str, SampledRun], what: str, keep: Collection[str], place: str, **places: str
 ) -> list[Statement]:
     """The statements of all runs on the invariant `what`: the schemes in `keep` keep it,
     the others do not.
@@ -248,7 +251,7 @@ def statements(
     ]
 
 
-def statement(run: Run, what: str, *, constant: bool, source: str) -> Statement:
+def statement(run: SampledRun, what: str, *, constant: bool, source: str) -> Statement:
     """The paper's statement that a scheme keeps the invariant `what`, or, if `constant` is false,
     does not keep it.
 

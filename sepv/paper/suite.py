@@ -31,14 +31,20 @@ from . import (
 )
 from .record import Job, Panel, Results, Size, Statement, counts
 
-SECTIONS = (
-    figures_4_1_and_4_2, figure_4_3, figures_4_4_and_4_5, figure_4_6, deterministic, lemma, local, remarks, extensions,
-)  # fmt: skip
 FIGURES = ("4.1", "4.2", "4.3", "4.4", "4.5", "4.6")
 # Panels about §2, §3 and the remarks.
 THEORY = "theory"
+# The modules with the jobs of the paper's sections, and the functions that make their panels, by
+# figure.
+SECTIONS: tuple[tuple[Any, dict[str, Callable[[Results], list[Panel]]]], ...] = (
+    (figures_4_1_and_4_2, {"4.1": figures_4_1_and_4_2.long_time, "4.2": figures_4_1_and_4_2.convergence}),
+    (figure_4_3, {"4.3": figure_4_3.panels}),
+    (figures_4_4_and_4_5, {"4.4": figures_4_4_and_4_5.long_time, "4.5": figures_4_4_and_4_5.convergence}),
+    (figure_4_6, {"4.6": figure_4_6.panels}),
+    *((section, {THEORY: section.panels}) for section in (deterministic, lemma, local, remarks, extensions)),
+)  # fmt: skip
 # Formulas and arguments of the text, which need no run.
-TEXT = "text"
+TEXT_ONLY = "text"
 
 # A callback with the estimated seconds of work done, and the estimated seconds of all work.
 ShareProgress = Callable[[float, float], None]
@@ -111,22 +117,22 @@ def reproduce(
     UsageError
         If the paper has no figure of this name.
     """
-    wanted = tuple(dict.fromkeys(figures)) or (*FIGURES, THEORY, TEXT)
-    unknown = [f for f in wanted if f not in (*FIGURES, THEORY, TEXT)]
+    wanted = tuple(dict.fromkeys(figures)) or (*FIGURES, THEORY, TEXT_ONLY)
+    unknown = [f for f in wanted if f not in (*FIGURES, THEORY, TEXT_ONLY)]
     if unknown:
         raise UsageError(
-            expected=f"figures among {', '.join((*FIGURES, THEORY, TEXT))}",
+            expected=f"figures among {', '.join((*FIGURES, THEORY, TEXT_ONLY))}",
             received=", ".join(map(repr, unknown)),
             remedy="sepv reproduce 4.3, or no argument for all of them",
         )
     check(workers)
     size, started = size or Size(), time.perf_counter()
-    jobs = [job for s in SECTIONS for job in s.jobs(size) if job.key[0] in wanted]
+    jobs = [job for section, _ in SECTIONS for job in section.jobs(size) if job.key[0] in wanted]
     results = _run([replace(job, seconds=job.expected()) for job in jobs], workers, progress)
-    panels = [p for s in SECTIONS for p in _panels(s, results, wanted)]
+    panels = [p for _, by_figure in SECTIONS for p in _panels(by_figure, results, wanted)]
     return Reproduction(
         panels=tuple(panels),
-        text=tuple(errata.statements()) if TEXT in wanted else (),
+        text=tuple(errata.statements()) if TEXT_ONLY in wanted else (),
         size=size,
         seconds=time.perf_counter() - started,
         processor_seconds=sum(results[("seconds",)].values()),
@@ -134,9 +140,11 @@ def reproduce(
     )
 
 
-def _panels(section: Any, results: Results, wanted: tuple[str, ...]) -> list[Panel]:
+def _panels(
+    by_figure: dict[str, Callable[[Results], list[Panel]]], results: Results, wanted: tuple[str, ...]
+) -> list[Panel]:
     made = []
-    for figure, make in section.PANELS.items():
+    for figure, make in by_figure.items():
         if figure in wanted:
             panels = make(results)
             seconds = sum(t for key, t in results[("seconds",)].items() if key[0] == figure)

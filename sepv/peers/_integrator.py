@@ -53,8 +53,8 @@ def integrator(
     )
 
 
-# The laws that a library claims if it calls an integrator BAOAB.
-BAOAB = ("equilibrium", "equilibrium:positions", "poisson-map:conformal")
+# The laws that a library claims if it calls an integrator BAOAB_CLAIMS.
+BAOAB_CLAIMS = ("equilibrium", "equilibrium:positions", "poisson-map:conformal")
 
 
 def thermostat(

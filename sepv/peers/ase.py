@@ -49,7 +49,7 @@ def _advance(system: Mechanics, q: Array, p: Array, h: float) -> tuple[Array, Ar
     return atoms.positions[:, 0], atoms.get_momenta()[:, 0]
 
 
-class _Given:
+class _GivenDraws:
     """An `rng` that returns given draws."""
 
     def __init__(self, draws: Iterator[Array]) -> None:
@@ -64,7 +64,7 @@ def _langevin(
 ) -> tuple[Array, Array]:
     atoms = _atoms(system, q, p)
     Langevin(
-        atoms, timestep=h, temperature_K=kT / units.kB, friction=rate, fixcm=False, rng=_Given(iter(xi))
+        atoms, timestep=h, temperature_K=kT / units.kB, friction=rate, fixcm=False, rng=_GivenDraws(iter(xi))
     ).step()
     return atoms.positions[:, 0], atoms.get_momenta()[:, 0]
 

@@ -34,13 +34,13 @@ import numpy as np
 from sepv.peers._diffrax_ode import INTEGRATORS
 from sepv.peers._jax import enable_x64
 from sepv.peers.peer import Peer, Solver
-from sepv.posing import LANES, OneField, Path, in_blocks, pose_fields, pose_one_field
+from sepv.posing import POSED_LANES, OneField, Path, in_blocks, pose_fields, pose_one_field
 from sepv.problem import Array, Problem, one_field
 from sepv.schemes import Scheme, StatefulStep, Step
 from sepv.studies import Method, from_states
 
 
-class _Given(diffrax.AbstractPath):
+class _GivenPath(diffrax.AbstractPath):
     """The driving path of one step: the given increment dW, and its space-time Lévy area H."""
 
     dW: Any
@@ -76,7 +76,7 @@ def _space_time_area(h: Any, dW: Any) -> Any:
 _ADDITIVE = ("ShARK", "SRA1", "SEA")
 
 
-def _terms(solver: Any, fields: Any, numbers: Any, control: _Given) -> Any:
+def _terms(solver: Any, fields: Any, numbers: Any, control: _GivenPath) -> Any:
     """The right side of a step in diffrax's form: the drift, and the noise fields as columns
     (d, m).
     """
@@ -106,7 +106,7 @@ def _one_step(solver: Any, fields: Any, numbers: Any, h: Any, y: Any, rows: Any,
     dW, H = rows[: fields.noises], rows[fields.noises :]
     if _takes_areas(solver) and not len(H):
         H = _space_time_area(h, dW)
-    terms, t0 = _terms(solver, fields, numbers, _Given(dW, H)), jnp.zeros_like(h)
+    terms, t0 = _terms(solver, fields, numbers, _GivenPath(dW, H)), jnp.zeros_like(h)
     if state is None:
         state = solver.init(terms, t0, h, y, None)
     y_next, _error, _dense, state, _result = solver.step(terms, t0, h, y, None, state, made_jump=False)
@@ -178,7 +178,7 @@ def _step_by(solver: Any, ito: bool = False) -> Step:
     def step(problem: Problem, y: Array, h: float, dW: Array, H: Array | None = None) -> Array:
         posed, rows = _posed(problem, ito), dW if H is None else np.concatenate([dW, H])
         # The laws step one state of each random problem, and batches of the paper's problems.
-        lanes = 1 if posed[0].width else LANES
+        lanes = 1 if posed[0].width else POSED_LANES
         return in_blocks(lambda y, rows: _call(_steps, solver, posed, y, h, rows)[0], y, rows, lanes)
 
     return step
@@ -250,7 +250,7 @@ def _solver(name: str) -> Solver:
 
 
 # Solvers that an older release lacks are left out.
-SOLVERS = {name: _solver(name) for name in DOCUMENTED if hasattr(diffrax, name)}
+DIFFRAX_SOLVERS = {name: _solver(name) for name in DOCUMENTED if hasattr(diffrax, name)}
 
 
 def _scheme(solver: Solver, name: str) -> Scheme:
@@ -363,39 +363,43 @@ def _method(name: str, solver: Any, program: Any, evaluations: float | None, how
 
 
 _CLOCK = "all paths in one state, dy = f∘dθ"
-_APART = "all paths in one state, drift and noise apart"
+_PARTS_APART = "all paths in one state, drift and noise apart"
 _VMAP = "path by path under vmap, drift and noise apart"
 # Rows: a solver, the program that drives it, and its evaluations of f per step if the method
 # determines them.
-_DRIVEN = {
+_DRIVERS = {
     "heun": ("Heun", _on_the_clock, 2, _CLOCK),
     "tsit5": ("Tsit5", _on_the_clock, 6, _CLOCK),
     "dopri8": ("Dopri8", _on_the_clock, 13, _CLOCK),
     "reversible-heun": ("ReversibleHeun", _on_the_clock, 1, _CLOCK),
-    "euler-heun": ("EulerHeun", _apart, None, _APART),
-    "spark": ("SPaRK", _apart, None, _APART),
-    "slow-rk": ("SlowRK", _apart, None, _APART),
+    "euler-heun": ("EulerHeun", _apart, None, _PARTS_APART),
+    "spark": ("SPaRK", _apart, None, _PARTS_APART),
+    "slow-rk": ("SlowRK", _apart, None, _PARTS_APART),
     "heun-vmap": ("Heun", _paths, None, _VMAP),
     "dopri8-vmap": ("Dopri8", _paths, None, _VMAP),
 }
 # The names of the schemes for the laws.
-_NAMES = {
+_SCHEME_SOLVERS = {
     "euler-heun": "EulerHeun", "heun": "Heun", "midpoint": "Midpoint", "ralston": "Ralston",
     "milstein": "StratonovichMilstein", "spark": "SPaRK", "general-shark": "GeneralShARK", "slow-rk": "SlowRK",
     "reversible-heun": "ReversibleHeun",
 }  # fmt: skip
-_SCHEMES = {key: _scheme(SOLVERS[name], name) for key, name in _NAMES.items() if name in SOLVERS}
+_DIFFRAX_SCHEMES = {
+    key: _scheme(DIFFRAX_SOLVERS[name], name)
+    for key, name in _SCHEME_SOLVERS.items()
+    if name in DIFFRAX_SOLVERS
+}
 
 PEER = Peer(
     library="diffrax",
-    schemes=_SCHEMES,
+    schemes=_DIFFRAX_SCHEMES,
     methods={
         name: _method(f"diffrax-{name}", getattr(diffrax, solver)(), *driver)
-        for name, (solver, *driver) in _DRIVEN.items()
+        for name, (solver, *driver) in _DRIVERS.items()
         if hasattr(diffrax, solver)
     },
-    drawing=tuple(s for key, s in _SCHEMES.items() if SOLVERS[_NAMES[key]].asks),
-    absent=tuple(name for name in _NAMES.values() if name not in SOLVERS),
+    drawing=tuple(s for key, s in _DIFFRAX_SCHEMES.items() if DIFFRAX_SOLVERS[_SCHEME_SOLVERS[key]].asks),
+    absent=tuple(name for name in _SCHEME_SOLVERS.values() if name not in DIFFRAX_SOLVERS),
     integrators=INTEGRATORS,
-    solvers=tuple(SOLVERS.values()),
+    solvers=tuple(DIFFRAX_SOLVERS.values()),
 )

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jax_md import simulate, space
 
 from sepv.errors import Skipped
-from sepv.peers._integrator import BAOAB, REVERSIBLE, SYMPLECTIC, integrator, thermostat
+from sepv.peers._integrator import BAOAB_CLAIMS, REVERSIBLE, SYMPLECTIC, integrator, thermostat
 from sepv.peers._jax import advance_by
 from sepv.peers.peer import Peer
 from sepv.problem import Array, Mechanics
@@ -60,7 +60,7 @@ def _langevin(
 
 
 langevin = thermostat(
-    "jax_md simulate.nvt_langevin", _langevin, claims=BAOAB,
+    "jax_md simulate.nvt_langevin", _langevin, claims=BAOAB_CLAIMS,
     source='jax_md.simulate.nvt_langevin: "Simulation in the NVT ensemble using the BAOAB Langevin thermostat."',
 )  # fmt: skip
 

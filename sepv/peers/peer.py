@@ -26,7 +26,7 @@ from sepv.posing import Path as WholePath
 from sepv.schemes import PathSolver, Scheme, Step
 from sepv.studies import Method
 
-GROUP = "sepv.peers"
+ENTRY_POINTS = "sepv.peers"
 _Kind = TypeVar("_Kind")
 
 
@@ -113,7 +113,9 @@ def names() -> list[str]:
     own_names = sorted(
         p.stem for p in Path(__file__).parent.glob("*.py") if p.stem != "peer" and p.stem[0] != "_"
     )
-    return list(dict.fromkeys((*own_names, *(point.name for point in metadata.entry_points(group=GROUP)))))
+    return list(
+        dict.fromkeys((*own_names, *(point.name for point in metadata.entry_points(group=ENTRY_POINTS))))
+    )
 
 
 def installed() -> list[Peer]:
@@ -129,7 +131,7 @@ def load(library: str) -> Peer:
     TargetError
         If the library is not installed, or its entry point gives no `Peer`.
     """
-    points = {point.name: point.value for point in metadata.entry_points(group=GROUP)}
+    points = {point.name: point.value for point in metadata.entry_points(group=ENTRY_POINTS)}
     module, _, attribute = points.get(library, f"sepv.peers.{library}:PEER").partition(":")
     peer = getattr(
         optional(module, f"the library {library}", f"pip install {library}", TargetError), attribute, None
@@ -138,7 +140,7 @@ def load(library: str) -> Peer:
         raise TargetError(
             expected=f"a sepv.peers.Peer at {module}:{attribute}",
             received=f"{type(peer).__name__}",
-            remedy=f"correct the entry point {library} of the group {GROUP}",
+            remedy=f"correct the entry point {library} of the group {ENTRY_POINTS}",
         )
     return peer
 

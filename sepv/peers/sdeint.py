@@ -106,7 +106,7 @@ def _solver(name: str, strong: float | None, source: str) -> Solver:
 
 
 _TWO_STEPS = "two-step implicit order 1.0 strong"
-SOLVERS = (
+SDEINT_SOLVERS = (
     _solver("itoEuler", None, "no order is stated"),
     _solver("itoSRI2", 1.0, '"order 1.0 strong"; its docstring: for an arbitrary noise matrix'),
     _solver("stratHeun", None, "no order is stated"),
@@ -116,13 +116,13 @@ SOLVERS = (
 
 
 def _scheme(name: str, source: str) -> Scheme:
-    (solver,) = (each for each in SOLVERS if each.name == f"sdeint {name}")
+    (solver,) = (each for each in SDEINT_SOLVERS if each.name == f"sdeint {name}")
     step = PathSolver(_kp2is_path) if solver.path else solver.step("one")
     source = f"sdeint.{name}{source}"
     return Scheme(name=solver.name, step=step, mean_square_order=1.0, source=source, truncation=None)
 
 
-_SCHEMES = {
+_SDEINT_SCHEMES = {
     "strat-heun": _scheme("stratHeun", "; order 1 because all noises drive one field"),
     "strat-srs2": _scheme("stratSRS2", ": order 1.0 strong convergence"),
     "strat-kp2is": _scheme("stratKP2iS", f": {_TWO_STEPS} algorithm"),
@@ -145,13 +145,15 @@ def _run(problem: Problem, y0: Array, h: float, dW: Array, _keep: bool) -> Calla
     )
 
 
-_DRIVEN = f"sdeint {sdeint.__version__} stratHeun, path by path"
+_HEUN_BY_PATHS = f"sdeint {sdeint.__version__} stratHeun, path by path"
 
 PEER = Peer(
     library="sdeint",
-    schemes=_SCHEMES,
+    schemes=_SDEINT_SCHEMES,
     methods={
-        "heun": from_states("sdeint-heun", _run, _DRIVEN, batched=False, evaluations=4, called_each_step=True)
+        "heun": from_states(
+            "sdeint-heun", _run, _HEUN_BY_PATHS, batched=False, evaluations=4, called_each_step=True
+        )
     },
-    solvers=SOLVERS,
+    solvers=SDEINT_SOLVERS,
 )

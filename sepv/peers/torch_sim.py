@@ -16,7 +16,7 @@ from torch_sim.integrators.nvt import nvt_langevin
 from torch_sim.state import SimState
 
 from sepv.peers._integrator import (
-    BAOAB,
+    BAOAB_CLAIMS,
     REVERSIBLE,
     SYMPLECTIC,
     integrator,
@@ -78,7 +78,7 @@ nve = integrator(
 )  # fmt: skip
 
 langevin = thermostat(
-    "torch_sim nvt_langevin", _langevin, claims=BAOAB,
+    "torch_sim nvt_langevin", _langevin, claims=BAOAB_CLAIMS,
     source='torch_sim.integrators.nvt.nvt_langevin: "following the BAOAB splitting scheme".',
 )  # fmt: skip
 

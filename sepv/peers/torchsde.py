@@ -24,7 +24,7 @@ import torchsde
 
 from sepv.errors import Skipped
 from sepv.peers.peer import Peer, Solver
-from sepv.posing import LANES, Path, in_blocks, pose_fields, pose_one_field
+from sepv.posing import POSED_LANES, Path, in_blocks, pose_fields, pose_one_field
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, StatefulStep, Step, as_matrix, as_rows
 from sepv.studies import Method, from_states
@@ -49,7 +49,7 @@ class _System(torch.nn.Module):
         return self.fields.noise(torch, self.numbers, y.T).permute(2, 1, 0)
 
 
-class Given(torchsde.BaseBrownian):
+class GivenMotion(torchsde.BaseBrownian):
     """A Brownian motion with given increments (N, L, m) over N equal steps of length h,
     space-time areas (N, L, m) and Lévy areas (N, L, m, m). Areas that are not given are zero.
     """
@@ -112,7 +112,7 @@ class _Run:
         areas = None
         if self.asks == "areas" and len(rows[0]) > m:
             areas = _tensor(np.stack([as_matrix(one, m) for one in further]).transpose(0, 3, 1, 2))
-        noise = Given(_tensor(dW.transpose(0, 2, 1)), h, spacetime, areas)
+        noise = GivenMotion(_tensor(dW.transpose(0, 2, 1)), h, spacetime, areas)
         times = torch.arange(len(dW) + 1, dtype=torch.float64) * h
         with torch.no_grad():
             return torchsde.sdeint(
@@ -131,7 +131,7 @@ class _Run:
             def block(y: Array, rows: Array) -> Any:
                 return self(kind, problem, y, h, rows[None])[-1].numpy().T.copy()
 
-            return in_blocks(block, y, dW, LANES)
+            return in_blocks(block, y, dW, POSED_LANES)
 
         return step
 
@@ -186,7 +186,7 @@ def _solver(
     )
 
 
-SOLVERS = (
+TORCHSDE_SOLVERS = (
     _solver("euler", (0.5, 0.5, 1.0), ito=True),
     _solver("milstein", (None, 1.0, 1.0), ito=True, name="milstein, Itô"),
     _solver("milstein", (None, 1.0, 1.0), ito=True, name="milstein, Itô, grad_free", grad_free=True),
@@ -218,7 +218,7 @@ def _scheme(solver: Solver) -> Scheme:
     )
 
 
-_SCHEMES = [_scheme(solver) for solver in SOLVERS if not solver.ito]
+_TORCHSDE_SCHEMES = [_scheme(solver) for solver in TORCHSDE_SOLVERS if not solver.ito]
 
 
 def _method(method: str) -> Method:
@@ -227,7 +227,7 @@ def _method(method: str) -> Method:
         fields, (_, *numbers) = pose_one_field(problem)
         system = _System(fields, (np.ones(1), *numbers), "scalar")
         sums = np.einsum("j,njl->nl", problem.c, dW)[:, :, None]
-        noise = Given(torch.as_tensor(sums), h)
+        noise = GivenMotion(torch.as_tensor(sums), h)
         y = torch.as_tensor(np.repeat(y0[None], dW.shape[2], axis=0))
         grid = torch.arange(len(dW) + 1, dtype=torch.float64) * h
         times = grid if keep else grid[[0, -1]]
@@ -245,7 +245,7 @@ def _method(method: str) -> Method:
 
 PEER = Peer(
     library="torchsde",
-    schemes={re.sub("[ _]", "-", s.name.partition(" ")[2]): s for s in _SCHEMES},
+    schemes={re.sub("[ _]", "-", s.name.partition(" ")[2]): s for s in _TORCHSDE_SCHEMES},
     methods={name.replace("_", "-"): _method(name) for name in ("heun", "midpoint", "reversible_heun")},
-    solvers=SOLVERS,
+    solvers=TORCHSDE_SOLVERS,
 )

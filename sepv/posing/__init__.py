@@ -10,7 +10,7 @@ from __future__ import annotations
 from sepv.posing._fields import OneField, pose_one_field
 from sepv.posing._fields import PosedFields as PosedFields
 from sepv.posing._fields import pose_fields as pose_fields
-from sepv.posing._formulas import LANES, Path, size
+from sepv.posing._formulas import POSED_LANES, Path, size
 from sepv.posing._formulas import Formulas as Formulas
 from sepv.posing._formulas import field_in as field_in
 from sepv.posing._formulas import in_blocks as in_blocks

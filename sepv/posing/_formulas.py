@@ -28,11 +28,11 @@ __all__ = ["Formulas", "field_in", "in_blocks", "pose"]
 
 # The smallest sizes of tables of polynomials, filled up with zeros, so that few programs serve all
 # problems.
-LEAST_POWER, LEAST_TERMS, LEAST_VARIABLES = 8, 64, 6
+TABLE_MIN_POWER, TABLE_MIN_TERMS, TABLE_MIN_VARIABLES = 8, 64, 6
 # Each size of a table is this many times the one before.
 TERMS_GROW = 4
 # The number of states computed together in a block; the last block is filled up.
-LANES = 64
+POSED_LANES = 64
 # A function (problem, y0 (d,), h, dW (N, m, M)) -> states (N + 1, d, M).
 Path = Callable[[Problem, Array, float, Array], Array]
 
@@ -203,7 +203,7 @@ def _pose(
     powers, numbers = table(data.dimension, rows, padded)
     if not wide:
         return Formulas("polynomial", powers), numbers
-    width = size(data.dimension, LEAST_VARIABLES)
+    width = size(data.dimension, TABLE_MIN_VARIABLES)
     return Formulas("polynomial", powers, width=width), _widened(width, *numbers)
 
 
@@ -246,7 +246,7 @@ def table(dimension: int, rows: list[Polynomial], padded: bool) -> tuple[int, tu
     monomials = sorted({e for p in rows for e, _ in p.terms}) or [(0,) * dimension]
     powers, count = max(map(max, monomials)), len(monomials)
     if padded:
-        powers, count = size(powers, LEAST_POWER), size(count, LEAST_TERMS, TERMS_GROW)
+        powers, count = size(powers, TABLE_MIN_POWER), size(count, TABLE_MIN_TERMS, TERMS_GROW)
     index = {e: t for t, e in enumerate(monomials)}
     exponents = np.zeros((dimension, count), dtype=np.int64)
     exponents[:, : len(monomials)] = np.transpose(monomials)

@@ -21,7 +21,7 @@ Function = Callable[[Array], Array]
 # wrong by its whole size.
 BATCH_TOLERANCE = 1e-9
 # Three states: a batch of two would let a function pass that fits d = 2 by chance.
-BATCH = 3
+CHECKED_BATCH = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +61,15 @@ def taking_batches(key: str, function: Function, y: Array, shape: tuple[int, ...
     ProblemError
         If the function has other values for a batch than for its states, and cannot be recorded.
     """
-    states = np.stack([y * (1 + n / 8) + n / 32 for n in range(BATCH)], axis=1)
+    states = np.stack([y * (1 + n / 8) + n / 32 for n in range(CHECKED_BATCH)], axis=1)
     with np.errstate(all="ignore"):
         try:
-            single = np.stack([np.asarray(function(states[:, n].copy())) for n in range(BATCH)], axis=-1)
+            single = np.stack(
+                [np.asarray(function(states[:, n].copy())) for n in range(CHECKED_BATCH)], axis=-1
+            )
         except (Exception, SystemExit):
             return function  # `check_problem` says what is wrong for one state
-        if single.shape != (*shape, BATCH) or single.dtype.kind not in "fiub":
+        if single.shape != (*shape, CHECKED_BATCH) or single.dtype.kind not in "fiub":
             return function
         try:
             together = np.asarray(function(states.copy()))

@@ -22,7 +22,7 @@ GRADIENT_TOLERANCE = 1e-9
 SKEW_TOLERANCE = 8 * EPS
 # ∇CᵀB is a sum of d products with a few rounding errors each.
 CASIMIR_TOLERANCE = 1e-12
-SAMPLES = 5
+CHECKED_STATES = 5
 
 
 def check_problem(problem: Stated) -> None:
@@ -61,7 +61,7 @@ def sample_states(problem: Stated, length: float = 1.0) -> Iterator[Array]:
             received=f"domain(y) is False at y = {centre.tolist()} and at 64 states about it",
             remedy="give initial=, a state inside the domain, or correct domain",
         )
-    yield from states[:SAMPLES]
+    yield from states[:CHECKED_STATES]
 
 
 def inside(problem: Stated, y: Array) -> bool:

@@ -18,7 +18,7 @@ from sepv.record import CannotRecord, Tape, gradient, jacobian, magnitudes
 PIECES = 16
 
 
-class Record(NamedTuple):
+class EnclosedRecord(NamedTuple):
     """The symbols of a state y (d,), of the entries of a function of y,
     and of their derivatives (entries, d).
     """
@@ -29,7 +29,7 @@ class Record(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def recorded(function: Function, dimension: int, *, differentiated: bool = False) -> Record | None:
+def recorded(function: Function, dimension: int, *, differentiated: bool = False) -> EnclosedRecord | None:
     """The record of a function of y or, if `differentiated`, of its gradient.
 
     It is None if the function cannot be recorded.
@@ -42,7 +42,7 @@ def recorded(function: Function, dimension: int, *, differentiated: bool = False
         return None
     try:
         values = np.asarray(gradient(symbols, y) if differentiated else symbols, dtype=object).ravel()
-        return Record(y, values, jacobian(values, y))
+        return EnclosedRecord(y, values, jacobian(values, y))
     except CannotRecord:
         return None
 
@@ -72,7 +72,7 @@ def over_box(
     return np.where(np.isfinite(found), found, 0.0)
 
 
-def _bounds(record: Record, low: Array, high: Array) -> Array:
+def _bounds(record: EnclosedRecord, low: Array, high: Array) -> Array:
     d, n = len(record.y), len(record.values)
     sizes = magnitudes([*record.values, *record.slopes.ravel()], record.y, low, high)
     slopes = sizes[n:].reshape(n, d, *low.shape[1:])

@@ -14,7 +14,8 @@ If no noise moves I, X_j I = 0 for all c_j ≠ 0, then dI = X_0 I dt = (σ − �
 (E) holds without the mean. I is kept if σ = λ = 0. A function I for which LI is not σ − λI has no
 such formula, and is refused.
 
-LI and the X_j I are recorded, and evaluated with DIGITS digits at a few states in general position.
+LI and the X_j I are recorded, and evaluated with GENERATOR_DIGITS digits at a few states in general
+position.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from sepv.problem._stated import Stated
 from sepv.record import EPS, CannotRecord, Tape, gradient, replay
 
 # Decimal digits of LI: a cancellation of half of them leaves more than those of binary64.
-DIGITS = 40
+GENERATOR_DIGITS = 40
 # A constant in a user's code is a rounded number, so LI may differ from σ − λI by a few roundings
 # of its terms. Twice the residual of a step is at least 64 eps of these terms
 # (`sepv.law.tolerance`), so the law's bound, which has this residual, covers the difference.
@@ -201,14 +202,14 @@ def _gradient(tape: Any, key: str, given: Function | None, potential: Function, 
 
 
 def _values(outputs: Any, y: Any, state: Array) -> list[Any]:
-    """The recorded outputs at a state (d,), as numbers of DIGITS digits."""
+    """The recorded outputs at a state (d,), as numbers of GENERATOR_DIGITS digits."""
     import mpmath
 
     ctx = mpmath.MPContext()
-    ctx.dps = DIGITS
+    ctx.dps = GENERATOR_DIGITS
     values = {x.index: ctx.mpf(float(v)) for x, v in zip(y, state, strict=True)}
-    return replay(outputs, values, lambda f, x: getattr(ctx, _NAMES.get(f, f))(x), ctx.mpf)
+    return replay(outputs, values, lambda f, x: getattr(ctx, _MPMATH_NAMES.get(f, f))(x), ctx.mpf)
 
 
 # mpmath's names of recorded functions, where they differ.
-_NAMES = {"arctan": "atan"}
+_MPMATH_NAMES = {"arctan": "atan"}

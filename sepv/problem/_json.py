@@ -69,7 +69,7 @@ MOST_TERMS, MOST_EXPONENTS = 100_000, 10**6
 MOST_OTHER = 2**17
 # The kinds of lists under the keys of a polynomial system: terms, a list of terms, entries [i, j,
 # terms] of a structure, a list of structures, terms under names.
-_TERMS = {
+_KIND_OF_LIST = {
     "hamiltonian": "terms", "polynomial_casimirs": "list", "nambu": "list", "noise_hamiltonians": "list",
     "structure": "entries", "noise_structures": "list of entries", "invariants": "names",
 }  # fmt: skip
@@ -117,7 +117,7 @@ def _without_terms(data: Any) -> Any:
     """
     if not isinstance(data, dict) or "name" in data:
         return data
-    return {key: _emptied(value, _TERMS.get(key, ""), f"$.{key}") for key, value in data.items()}
+    return {key: _emptied(value, _KIND_OF_LIST.get(key, ""), f"$.{key}") for key, value in data.items()}
 
 
 def _emptied(value: Any, kind: str, place: str) -> Any:

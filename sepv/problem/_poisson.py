@@ -36,22 +36,22 @@ _WEIGHTS = (3 / 4, -3 / 20, 1 / 60)
 # Weights of order four for the same points. The distance between the two results bounds the error
 # of the sixth order.
 _FOURTH = (2 / 3, -1 / 12, 0.0)
-POINTS = len(_WEIGHTS)
-TRUNCATION, ROUNDING = 37.0, 2 * sum(abs(a) for a in _WEIGHTS)
+STENCIL_POINTS = len(_WEIGHTS)
+STENCIL_TRUNCATION, STENCIL_ROUNDING = 37.0, 2 * sum(abs(a) for a in _WEIGHTS)
 # The ratio w/ρ. The truncation error is then at most 37 · 2⁻⁴² M/ρ, below the error of rounding for
 # most ρ.
-WIDTH = 2.0**-7
+STENCIL_WIDTH = 2.0**-7
 # The width of differences relative to the scale of y, if no radius ρ is known.
 BLIND_WIDTH = 2.0**-9
 
 
 def shifted(y: Array, widths: Array) -> Array:
-    """The states (d, 1 + 2·POINTS·d) at which `derivative` needs Φ: y,
-    and y ± k·widths_j·e_j for k = 1 … POINTS.
+    """The states (d, 1 + 2·STENCIL_POINTS·d) at which `derivative` needs Φ: y,
+    and y ± k·widths_j·e_j for k = 1 … STENCIL_POINTS.
     """
     states = [y]
     for j in range(y.size):
-        for k in range(1, POINTS + 1):
+        for k in range(1, STENCIL_POINTS + 1):
             for sign in (1, -1):
                 moved = y.copy()
                 moved[j] += sign * k * widths[j]
@@ -66,7 +66,7 @@ def derivative(answers: Array, widths: Array) -> tuple[Array, Array]:
     `answers` (n, …) are the values of Φ at the states that `shifted` returns.
     """
     # The columns of direction j: shifts k = 1, 2, 3, each with both signs.
-    sides = answers[:, 1:].reshape(-1, widths.size, POINTS, 2)
+    sides = answers[:, 1:].reshape(-1, widths.size, STENCIL_POINTS, 2)
     rises = sides[..., 0] - sides[..., 1]
     sixth, fourth = (rises @ np.array(weights) / widths for weights in (_WEIGHTS, _FOURTH))
     return sixth, np.abs(sixth - fourth)

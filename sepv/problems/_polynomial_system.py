@@ -25,7 +25,7 @@ from sepv.problems._nambu_system import check_nambu
 from sepv.record import EPS, Polynomial, PolynomialMap, poly
 
 # The largest dimension d. It is bounded because the derivatives of B are d³ polynomials.
-MAX_DIMENSION = 64
+POLYNOMIAL_MAX_DIMENSION = 64
 
 
 @lru_cache(maxsize=512)
@@ -40,9 +40,10 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
         the Casimirs C.
     """
     d = data.dimension
-    if d > MAX_DIMENSION:
+    if d > POLYNOMIAL_MAX_DIMENSION:
         raise ProblemError(
-            expected=f"at most {MAX_DIMENSION} dimensions: B, its derivatives and H″ are tables of polynomials",
+            expected=f"at most {POLYNOMIAL_MAX_DIMENSION} dimensions: "
+            "B, its derivatives and H″ are tables of polynomials",
             received=f"{d}",
             remedy="a smaller system: B is a dense matrix",
         )

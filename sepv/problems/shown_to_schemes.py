@@ -19,7 +19,7 @@ from sepv.errors import Skipped
 from sepv.problem import Description, Nambu, Problem
 
 # Kinds of views, with the words by which reports describe them.
-GIVEN = {
+WORDS_OF_VIEWS = {
     "data": "all that is known of it",
     "functions": "Python functions, with derivatives and the degree of H",
     "bare functions": "Python functions of B, H and ∇H, without derivatives, degree or closed forms",
@@ -40,7 +40,7 @@ _VIEWS: WeakKeyDictionary[Problem, Problem] = WeakKeyDictionary()
 
 def shown(problem: Problem, needs: Iterable[str] = ()) -> Problem:
     """The view of a problem for schemes: the whole problem,
-    or functions with or without derivatives (`GIVEN`).
+    or functions with or without derivatives (`WORDS_OF_VIEWS`).
 
     `needs` names attributes that the scheme cannot do without (`Scheme.needs`); a view that hides
     them gets them.
@@ -65,7 +65,7 @@ def _with_needed(problem: Problem, view: Problem, needed: tuple[str, ...]) -> Pr
 @lru_cache(maxsize=1024)
 def as_given(data: Description, given: str) -> Problem:
     """The problem that `data` describe, for which `shown` returns the view `given`,
-    a key of `GIVEN`.
+    a key of `WORDS_OF_VIEWS`.
     """
     whole = problems.build(data)
     if given == "data":

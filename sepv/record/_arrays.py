@@ -19,7 +19,7 @@ from sepv.record._functions import FUNCTIONS
 
 Array = NDArray[np.float64]
 
-_TEXTS = {
+_NUMPY_TEXTS = {
     "add": "{} + {}",
     "subtract": "{} - {}",
     "multiply": "{} * {}",
@@ -43,7 +43,7 @@ def number_or_array(function: Callable[..., Any]) -> Callable[..., Any]:
     return lambda x, *more: float(function(x, *more)) if isinstance(x, float) else function(x, *more)
 
 
-_NAMES: dict[str, Any] = {
+_NUMPY_FUNCTIONS: dict[str, Any] = {
     **{name: number_or_array(function.value) for name, function in FUNCTIONS.items()},
     "power": number_or_array(np.power),
     "where": lambda condition, a, b: (
@@ -103,7 +103,7 @@ def source(inputs: Sequence[Any], outputs: Any) -> Source:
         elif line.name == "power":
             text = f"power({arguments[0]}, {line.value!r})"
         else:
-            text = _TEXTS.get(line.name, f"{line.name}({{}})").format(*arguments)
+            text = _NUMPY_TEXTS.get(line.name, f"{line.name}({{}})").format(*arguments)
         # Names whose values are no longer needed are used again, so that fewer arrays fill the
         # processor's cache.
         free += sorted({shown[i] for i in line.arguments if last[i] == index and shown[i][0] == "t"})
@@ -115,7 +115,7 @@ def source(inputs: Sequence[Any], outputs: Any) -> Source:
 
 @lru_cache(maxsize=256)
 def _compiled(text: str) -> Callable[..., tuple[Any, ...]]:
-    namespace = dict(_NAMES)
+    namespace = dict(_NUMPY_FUNCTIONS)
     exec(compile(text, "<record>", "exec"), namespace)
     function: Callable[..., tuple[Any, ...]] = namespace["evaluate"]
     return function

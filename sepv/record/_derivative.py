@@ -15,7 +15,7 @@ from sepv.record._symbols import Symbol, array
 
 # Operations whose derivative is taken as 0: inputs, constants, and comparisons, which are piecewise
 # constant.
-_CONSTANT = {"input", "constant", "greater", "greater_equal", "equal", "and", "or", "not"}
+_CONSTANT_OPERATIONS = {"input", "constant", "greater", "greater_equal", "equal", "and", "or", "not"}
 
 
 def reachable(outputs: Iterable[Symbol], given: Container[int] = ()) -> list[Symbol]:
@@ -45,11 +45,11 @@ def _partials(symbol: Symbol) -> tuple[Any, ...]:
         if slope is None:
             raise CannotRecord(f"{name} is differentiated no further")
         return (slope(arguments[0], symbol),)
-    return _RULES[name](symbol, *arguments)
+    return _DERIVATIVE_RULES[name](symbol, *arguments)
 
 
 # The derivatives of each operation, as functions of its symbol and its arguments.
-_RULES: dict[str, Callable[..., tuple[Any, ...]]] = {
+_DERIVATIVE_RULES: dict[str, Callable[..., tuple[Any, ...]]] = {
     "add": lambda *_: (1.0, 1.0),
     "subtract": lambda *_: (1.0, -1.0),
     "negative": lambda *_: (-1.0,),
@@ -80,7 +80,7 @@ def jacobian(outputs: Any, inputs: Any) -> Any:
         fixed, declared = tape.declared.get(index, (set(), {}))
         if declared and not slopes.keys() & fixed:
             slopes[index] = _chain(declared.items(), slopes)
-        elif symbol.line.name not in _CONSTANT and any(i in slopes for i in symbol.line.arguments):
+        elif symbol.line.name not in _CONSTANT_OPERATIONS and any(i in slopes for i in symbol.line.arguments):
             slopes[index] = _chain(zip(symbol.line.arguments, _partials(symbol), strict=True), slopes)
     # Most of the entries are zero: B′ has d³ entries, of which the user's B has some.
     entries = np.full((len(rows), len(inputs)), tape.constant(0.0), dtype=object)
@@ -113,7 +113,7 @@ def gradient(output: Any, inputs: Any) -> Any:
     adjoints: dict[int, Any] = {last.index: tape.constant(1.0)}
     wanted = {x.index for x in inputs}
     for symbol in reversed(reachable([last])):
-        if symbol.index in wanted or symbol.line.name in _CONSTANT or symbol.index not in adjoints:
+        if symbol.index in wanted or symbol.line.name in _CONSTANT_OPERATIONS or symbol.index not in adjoints:
             continue
         adjoint = adjoints[symbol.index]
         for i, partial in zip(symbol.line.arguments, _partials(symbol), strict=True):

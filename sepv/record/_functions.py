@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 # The arguments |x| below which the formulas of the three derivatives lose digits and are replaced
 # by power series.
-_SINC, _LOG, _EXP = 0.5, 0.1, 0.5
-_TERMS = 18
+_SINC_SERIES_BELOW, _LOG_SERIES_BELOW, _EXP_SERIES_BELOW = 0.5, 0.1, 0.5
+_SERIES_TERMS = 18
 
 
 def _ratio(function: Callable[[Any], Any], x: Any) -> Any:
@@ -34,7 +34,9 @@ def sinc(x: Any) -> Any:
 
 def sinc_slope(x: Any) -> Any:
     """The derivative of `sinc`, (cos x − sinc x)/x = Σ (−1)ⁿ 2n x²ⁿ⁻¹/(2n + 1)!."""
-    return _slope(x, _SINC, _SINC_SERIES, lambda v: (np.cos(v) - sinc(v)) / v, lambda v: v * v, lambda v: v)
+    return _slope(
+        x, _SINC_SERIES_BELOW, _SINC_SERIES, lambda v: (np.cos(v) - sinc(v)) / v, lambda v: v * v, lambda v: v
+    )
 
 
 def log1p_ratio(x: Any) -> Any:
@@ -44,7 +46,7 @@ def log1p_ratio(x: Any) -> Any:
 
 def log1p_ratio_slope(x: Any) -> Any:
     """The derivative of `log1p_ratio`, (1/(1 + x) − log1p(x)/x)/x = Σ (−1)ⁿ n xⁿ⁻¹/(n + 1)."""
-    return _slope(x, _LOG, _LOG_SERIES, lambda v: (1 / (1 + v) - log1p_ratio(v)) / v)
+    return _slope(x, _LOG_SERIES_BELOW, _LOG_SERIES, lambda v: (1 / (1 + v) - log1p_ratio(v)) / v)
 
 
 def expm1_ratio(x: Any) -> Any:
@@ -54,7 +56,7 @@ def expm1_ratio(x: Any) -> Any:
 
 def expm1_ratio_slope(x: Any) -> Any:
     """The derivative of `expm1_ratio`, (eˣ − expm1(x)/x)/x = Σ xⁿ/(n! (n + 2))."""
-    return _slope(x, _EXP, _EXP_SERIES, lambda v: (np.exp(v) - expm1_ratio(v)) / v)
+    return _slope(x, _EXP_SERIES_BELOW, _EXP_SERIES, lambda v: (np.exp(v) - expm1_ratio(v)) / v)
 
 
 def _slope(
@@ -86,10 +88,10 @@ def _slope(
 
 
 # The factorials n! in binary64.
-_F = [float(f) for f in np.cumprod([1.0, *range(1, 2 * _TERMS + 2)])]
-_SINC_SERIES = [(-1) ** n * 2 * n / _F[2 * n + 1] for n in range(_TERMS // 2, 0, -1)]
-_LOG_SERIES = [(-1) ** n * n / (n + 1) for n in range(_TERMS, 0, -1)]
-_EXP_SERIES = [1 / (_F[n] * (n + 2)) for n in range(_TERMS - 1, -1, -1)]
+_F = [float(f) for f in np.cumprod([1.0, *range(1, 2 * _SERIES_TERMS + 2)])]
+_SINC_SERIES = [(-1) ** n * 2 * n / _F[2 * n + 1] for n in range(_SERIES_TERMS // 2, 0, -1)]
+_LOG_SERIES = [(-1) ** n * n / (n + 1) for n in range(_SERIES_TERMS, 0, -1)]
+_EXP_SERIES = [1 / (_F[n] * (n + 2)) for n in range(_SERIES_TERMS - 1, -1, -1)]
 
 
 @dataclass(frozen=True)

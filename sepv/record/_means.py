@@ -28,7 +28,7 @@ from sepv.record._symbols import Symbol
 
 # The most Gauss nodes of an average. With more, the rule takes longer than the adaptive quadrature
 # of most steps.
-MOST_NODES = 16
+AVERAGE_MAX_NODES = 16
 
 
 class NoClosedForm(Exception):
@@ -85,7 +85,7 @@ def mean(output: Any, inputs: Any, z: Any) -> Mean:
     and further symbols z (d,).
 
     Raises NoClosedForm unless the output is a polynomial plus terms c·G(ℓ) with constants c,
-    functions G in `_RULES`, and arguments ℓ that are affine in the inputs.
+    functions G in `_QUOTIENT_RULES`, and arguments ℓ that are affine in the inputs.
     """
     tape = inputs[0].tape
     symbol = tape.symbol(output)
@@ -98,7 +98,7 @@ def mean(output: Any, inputs: Any, z: Any) -> Mean:
             continue
         total = total + factor * _quotient(term, inputs, z)
     nodes = mean_nodes(degree(polynomial, inputs) or 0)
-    if nodes > MOST_NODES:
+    if nodes > AVERAGE_MAX_NODES:
         raise NoClosedForm(f"a polynomial H whose mean takes {nodes} Gauss nodes")
     # The derivative of the average is an average of H″, and so symmetric. The chain rule does not
     # use this symmetry.
@@ -138,7 +138,7 @@ def _quotient(term: Symbol, inputs: Any, z: Any) -> Any:
     """
     name, arguments = term.line.name, term.arguments
     inner = arguments[-1]
-    rule = _RULES.get(name)
+    rule = _QUOTIENT_RULES.get(name)
     reciprocal = name != "divide" or arguments[0].number == 1.0
     if rule is None or not reciprocal or degree(inner, inputs) not in (0, 1):
         raise NoClosedForm(f"{name} of what is not affine" if rule else f"{name}, which has no rule")
@@ -168,7 +168,7 @@ def _exponential(x: Any, delta: Any) -> Any:
 
 # The quotient (G(ℓ₁) − G(ℓ₀))/(ℓ₁ − ℓ₀) for each G, from x = ℓ₀, delta = ℓ₁ − ℓ₀ and the term
 # itself.
-_RULES: dict[str, Callable[[Any, Any, Symbol], Any]] = {
+_QUOTIENT_RULES: dict[str, Callable[[Any, Any, Symbol], Any]] = {
     "sin": lambda x, delta, _: (x + 0.5 * delta).cos() * (0.5 * delta).sinc(),
     "cos": lambda x, delta, _: -((x + 0.5 * delta).sin() * (0.5 * delta).sinc()),
     "exp": lambda x, delta, _: _exponential(x, delta),

@@ -261,13 +261,13 @@ def _as_power(a: Symbol) -> tuple[Symbol, int]:
     return (a.arguments[1], int(a.line.value)) if a.line.name == "whole" else (a, 1)
 
 
-_COMPARISONS = {"greater": operator.gt, "greater_equal": operator.ge, "equal": operator.eq}
+_COMPARE = {"greater": operator.gt, "greater_equal": operator.ge, "equal": operator.eq}
 
 
 def _compare(name: str, a: Symbol, b: Symbol) -> Symbol:
     x, y = a.number, b.number
     if x is not None and y is not None:
-        return a.tape.constant(float(_COMPARISONS[name](x, y)))
+        return a.tape.constant(float(_COMPARE[name](x, y)))
     return a.tape.write(name, a, b)
 
 

@@ -26,7 +26,16 @@ from sepv.schemes._catalogue import HAMILTONIANS as HAMILTONIANS
 from sepv.schemes._catalogue import PAPER as PAPER
 from sepv.schemes._catalogue import built_in as built_in
 from sepv.schemes._catalogue import by_name as by_name
-from sepv.schemes._claims import ALL_LAWS, FORMER, LAWS, OF_TWINS, law_named, page_of, require_laws
+from sepv.schemes._claims import (
+    ALL_LAWS,
+    FORMER,
+    LAWS,
+    LOCAL_LAWS,
+    OF_TWINS,
+    law_named,
+    page_of,
+    require_laws,
+)
 from sepv.schemes._collocation import FIRST_NODES, MAX_NODES
 from sepv.schemes._collocation import collocation as collocation
 from sepv.schemes._conformal import undamped
@@ -56,7 +65,7 @@ from sepv.schemes._guard import (
 )
 from sepv.schemes._guard import ask as ask
 from sepv.schemes._itoh_abe import formula as itoh_abe_formula
-from sepv.schemes._langevin import CLAIMS as LANGEVIN_CLAIMS
+from sepv.schemes._langevin import LANGEVIN_CLAIMS
 from sepv.schemes._leapfrog import KicksAndDrifts, composed_leapfrogs
 from sepv.schemes._load_target import as_twin, load_object, require_trusted, words_for
 from sepv.schemes._load_target import load_problem as load_problem
@@ -78,8 +87,7 @@ from sepv.schemes._one_step import one_step as one_step
 from sepv.schemes._order_claims import Orders as Orders
 from sepv.schemes._order_claims import order_of
 from sepv.schemes._picture_look import Look as Look
-from sepv.schemes._point_distributions import NAMES as POINT_LAWS
-from sepv.schemes._point_distributions import NORMAL, point_law
+from sepv.schemes._point_distributions import NORMAL, POINT_LAWS, point_law
 from sepv.schemes._point_distributions import PointLaw as PointLaw
 from sepv.schemes._projected import projected as projected
 from sepv.schemes._recorded import Recorded
@@ -87,7 +95,7 @@ from sepv.schemes._scheme import OF_DAMPED, OF_SEVERAL, Step, as_lanes, takes, t
 from sepv.schemes._scheme import Scheme as Scheme
 from sepv.schemes._scheme import Twin as Twin
 from sepv.schemes._scheme import weakly as weakly
-from sepv.schemes._stateful import REFUSALS, joined_lanes, lanes
+from sepv.schemes._stateful import REFUSAL_ERRORS, joined_lanes, lanes
 from sepv.schemes._stateful import PathSolver as PathSolver
 from sepv.schemes._stateful import StatefulStep as StatefulStep
 from sepv.schemes._steps_of_a_path import StepsOfAPath, as_path, has_memory, resumed, several

@@ -19,7 +19,7 @@ from sepv.core.formula import Increment
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem, Systems, bracket, hamiltonian_field
 from sepv.schemes._one_step import Implicit, noise_and_areas, one_step
-from sepv.schemes._stochastic_midpoint import CLAIMS
+from sepv.schemes._stochastic_midpoint import MIDPOINT_CLAIMS
 
 
 def require_derivatives(problem: Problem) -> None:
@@ -53,7 +53,7 @@ step = Implicit(increment, parts=noise_and_areas, requires=require_derivatives)
 scheme = one_step(
     "area-midpoint",
     step,
-    CLAIMS - {"expansion"},
+    MIDPOINT_CLAIMS - {"expansion"},
     "the midpoint rule with Lévy areas",
     systems=Systems.HAMILTONIANS,
     asks="areas",

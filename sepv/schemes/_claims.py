@@ -61,6 +61,8 @@ ALL_LAWS = (*LAWS, *OF_TWINS)
 
 # Laws about paths, which do not apply to increments that match only some moments of the normal
 # distribution.
+# The laws about one step from one state.
+LOCAL_LAWS = ("local-mean", "local-mean-square", "local-weak")
 PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-mean-square"))
 
 

@@ -20,12 +20,12 @@ from sepv.core.newton import Status
 from sepv.core.step import Solution
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
-from sepv.schemes._one_step import COUNTS, merge, resolved
+from sepv.schemes._one_step import SOLUTION_COUNTS, merge, resolved
 from sepv.schemes._scheme import Scheme
 
 # The first value of s, so small that the iteration from y converges if it does for any s; and the
 # least increment of s.
-FIRST, LEAST = 2.0**-8, 2.0**-14
+FIRST_S, S_MIN_INCREMENT = 2.0**-8, 2.0**-14
 # The number of values of s that are tried before a curve is given up.
 CONTINUATION_MAXITER = 200
 
@@ -73,14 +73,14 @@ def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float
     """Solve the scaled steps (s·h, s·ΔW) of one path for growing s; return the last,
     marked as failed unless s = 1.
     """
-    share, growth, solved = 0.0, FIRST, 0
+    share, growth, solved = 0.0, FIRST_S, 0
     z, slope = np.zeros_like(y), np.zeros_like(y)
     work = np.zeros(3, dtype=np.int64)
     for _ in range(CONTINUATION_MAXITER):
         trial = min(share + growth, 1.0)
         guess = z + (trial - share) * slope
         solution = inner(problem, y, trial * h, trial * dW, start=guess)
-        work += [int(getattr(solution, key)[0]) for key in COUNTS]
+        work += [int(getattr(solution, key)[0]) for key in SOLUTION_COUNTS]
         assert solution.change is not None  # a scheme whose solver takes a start gives the change
         moved = np.abs(solution.change - z).max()
         # A solution too far from the prediction lies on another curve. For the first s there is no
@@ -93,11 +93,11 @@ def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float
                 break
         else:
             growth = (trial - share) / 2
-            if growth < LEAST:
+            if growth < S_MIN_INCREMENT:
                 if solution.status[0] == Status.CONVERGED:  # a solution on another curve
                     solution = replace(solution, status=np.array([int(Status.NO_CONVERGENCE)]))
                 break
     else:
         solution = replace(solution, status=np.array([int(Status.NO_CONVERGENCE)]))
-    counts = {key: np.array([n]) for key, n in zip(COUNTS, work, strict=True)}
+    counts = {key: np.array([n]) for key, n in zip(SOLUTION_COUNTS, work, strict=True)}
     return replace(solution, **counts, continuations=np.array([solved]))

@@ -30,7 +30,7 @@ from sepv.problem import Array, Problem, each_noise, hamiltonian_field, sample_s
 from sepv.schemes._one_step import CLAIMS_OF_ALL, Solved, no_jacobian, one_step
 from sepv.schemes._order_claims import Orders
 
-PROBLEMS = ("lotka-volterra", "random-lotka-volterra")
+DARBOUX_PROBLEMS = ("lotka-volterra", "random-lotka-volterra")
 
 
 def increment(problem: Problem, x0: Array, x1: Array, step: Array) -> Increment:
@@ -69,5 +69,5 @@ scheme = one_step(
     "the midpoint rule in logarithms (Hong et al. 2021; Liu and Wang 2024)",
     weak_order=1.0,
     mean_square_order=Orders(0.5, commutative=1.0),
-    problems=PROBLEMS,
+    problems=DARBOUX_PROBLEMS,
 )

@@ -26,12 +26,12 @@ CRAMER_MAX_DIMENSION = 3
 # The most records in the cache, and the cache. A key has the problem's data, the formula, and its
 # number of inputs.
 MOST_RECORDS = 128
-_RECORDS: dict[Any, Record | None] = {}
+_RECORDS: dict[Any, NewtonRecord | None] = {}
 # Prefixes of modules that define or derive the functions of problems given by name.
-_MODULES = ("sepv.problems.", "sepv.record.", "sepv.problem._derived")
+_RECORDED_MODULES = ("sepv.problems.", "sepv.record.", "sepv.problem._derived")
 
 
-class Record(NamedTuple):
+class NewtonRecord(NamedTuple):
     """The code of a Newton iteration as a function of (y, z, step),
     and the evaluations of ∇H and of B in R.
 
@@ -74,7 +74,7 @@ def code(problem: Problem, formula: Formula, y0: Array, step: Array) -> Code | N
     return Code(advance, recorded.gradients, recorded.structures)
 
 
-def record(problem: Problem, formula: Formula, count: int) -> Record | None:
+def record(problem: Problem, formula: Formula, count: int) -> NewtonRecord | None:
     """The recorded Newton iteration of a formula for a problem given by name, from a cache.
 
     The result is None for other problems, for d > CRAMER_MAX_DIMENSION, and if the formula cannot
@@ -92,7 +92,7 @@ def record(problem: Problem, formula: Formula, count: int) -> Record | None:
     return _RECORDS[key]
 
 
-def _recorded(problem: Problem, formula: Formula, count: int) -> Record | None:
+def _recorded(problem: Problem, formula: Formula, count: int) -> NewtonRecord | None:
     """Record a formula's equation, and write out Cramer's rule for Newton's correction."""
     try:
         recorded = Recorded(problem)
@@ -106,7 +106,7 @@ def _recorded(problem: Problem, formula: Formula, count: int) -> Record | None:
     except (CannotRecord, NoClosedForm):
         return None
     code = source([recorded.y, recorded.z, equation.step], [*F, *correction, stays])
-    return Record(code, equation.gradients, equation.structures)
+    return NewtonRecord(code, equation.gradients, equation.structures)
 
 
 def _is_fixed(problem: Problem) -> bool:
@@ -116,7 +116,7 @@ def _is_fixed(problem: Problem) -> bool:
     return (
         one_field(problem)
         and isinstance(problem.data, NamedProblem)
-        and all(str(getattr(f, "__module__", "")).startswith(_MODULES) for f in _functions(problem))
+        and all(str(getattr(f, "__module__", "")).startswith(_RECORDED_MODULES) for f in _functions(problem))
     )
 
 

@@ -21,7 +21,7 @@ from sepv.problem import Array, Problem, one_field
 from sepv.problems.shown_to_schemes import shown
 from sepv.schemes._further_increments import answer, carry, joined
 from sepv.schemes._scheme import Scheme, Step
-from sepv.schemes._stateful import REFUSALS, PathSolver, StatefulStep, whole
+from sepv.schemes._stateful import REFUSAL_ERRORS, PathSolver, StatefulStep, whole
 
 
 class Refusal(StepFailure):
@@ -159,7 +159,7 @@ def translated(problem: Problem, y: Array, h: float, dW: Array) -> Iterator[None
             yield
     except (StepFailure, KeyboardInterrupt, TimedOut):
         raise
-    except REFUSALS as error:
+    except REFUSAL_ERRORS as error:
         raise Refusal(error, problem, y, h, dW) from error
     except (
         BaseException

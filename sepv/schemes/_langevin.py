@@ -27,7 +27,7 @@ from sepv.problem import Array, Langevin, Problem, Systems, langevin
 from sepv.schemes._one_step import CLAIMS_OF_ALL, one_step
 from sepv.schemes._scheme import Scheme
 
-CLAIMS = CLAIMS_OF_ALL | {"symmetry", "poisson-map:conformal", "equilibrium"}
+LANGEVIN_CLAIMS = CLAIMS_OF_ALL | {"symmetry", "poisson-map:conformal", "equilibrium"}
 
 
 def parts_of(problem: Problem) -> Langevin:
@@ -64,7 +64,9 @@ class Splitting:
         return own.mechanics.join(q, p)
 
 
-def splitting(letters: str, claims: Any = CLAIMS, source: str = "Leimkuhler and Matthews (2013)") -> Scheme:
+def splitting(
+    letters: str, claims: Any = LANGEVIN_CLAIMS, source: str = "Leimkuhler and Matthews (2013)"
+) -> Scheme:
     """The splitting method with these letters A, B and O, of which one or two are O."""
     asks = "halves" if letters.count("O") == 2 else ""
     return of_friction(letters.lower(), Splitting(letters), claims, source, asks=asks)
@@ -78,5 +80,5 @@ def of_friction(name: str, step: Any, claims: Any, source: str, weak: float = 2.
     return replace(one_step(name, step, claims, source, **usual | facts), order=weak)
 
 
-scheme = baoab = splitting("BAOAB", CLAIMS | {"equilibrium:positions"})
+scheme = baoab = splitting("BAOAB", LANGEVIN_CLAIMS | {"equilibrium:positions"})
 obabo = splitting("OBABO", source="G. Bussi and M. Parrinello, Phys. Rev. E 75 (2007)")

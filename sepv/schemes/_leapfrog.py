@@ -21,7 +21,7 @@ from sepv.problem import Systems, mechanics
 from sepv.schemes._one_step import CLAIMS_OF_ALL, Explicit, one_step
 from sepv.schemes._scheme import Scheme
 
-CLAIMS = CLAIMS_OF_ALL | {
+LEAPFROG_CLAIMS = CLAIMS_OF_ALL | {
     "identity", "noise-sum", "random-step", "poisson-map", "poisson-map:constant", "symmetry", "reversibility",
     "volume", "long-time-energy",
 }  # fmt: skip
@@ -82,7 +82,7 @@ def _scheme(name: str, formula: KicksAndDrifts, order: int, source: str) -> Sche
     made = one_step(
         name,
         Explicit(formula),
-        CLAIMS,
+        LEAPFROG_CLAIMS,
         f"{source}, with the random step of (2.1)",
         order / 2,
         systems=Systems.MECHANICAL,
@@ -90,11 +90,11 @@ def _scheme(name: str, formula: KicksAndDrifts, order: int, source: str) -> Sche
     return replace(made, order=float(order))
 
 
-_TRIPLE = 1 / (2 - 2 ** (1 / 3))
+_TRIPLE_JUMP = 1 / (2 - 2 ** (1 / 3))
 scheme = _scheme("leapfrog", composed_leapfrogs((1.0,)), 2, "Störmer-Verlet, kick-drift-kick")
 yoshida = _scheme(
     "yoshida-4",
-    composed_leapfrogs((_TRIPLE, 1 - 2 * _TRIPLE, _TRIPLE)),
+    composed_leapfrogs((_TRIPLE_JUMP, 1 - 2 * _TRIPLE_JUMP, _TRIPLE_JUMP)),
     4,
     "triple jump of H. Yoshida (Phys. Lett. A 150, 1990)",
 )

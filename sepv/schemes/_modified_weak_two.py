@@ -51,16 +51,16 @@ MIDDLE = -490.0
 # The width of differences, relative to |y| or the length of a step, whichever is larger. So the
 # width has the units of y, and near y = 0 rounding errors are of the order of a rounding of the
 # step.
-WIDTH = 2.0**-4
+WEAK_TWO_WIDTH = 2.0**-4
 # A number that no square that matters is near: it keeps a quotient 0/0 from being no number.
-SMALLEST = 5e-324
+DIVISOR_GUARD = 5e-324
 
 
 def structure_slope(problem: Problem, y: Array, w: Array, length: Array | float = 1.0) -> Array:
     """The derivative of B at y in the direction w, B′(y)w, (d, d, M).
 
     It is computed from B′ if the problem gives B′, else from differences of order six along w.
-    Their width is WIDTH times the larger of |y| and `length` (1 if both are 0).
+    Their width is WEAK_TWO_WIDTH times the larger of |y| and `length` (1 if both are 0).
     """
     if problem.structure_derivative is not None:
         return turned_along(problem.structure_derivative(y), w)
@@ -105,7 +105,7 @@ def _along(y: Array, w: Array, length: Array | float) -> tuple[Array, Array, Arr
     """
     size = np.max(np.abs(w), axis=0)
     scale = np.maximum(np.max(np.abs(y), axis=0), length)
-    return WIDTH * np.where(scale > 0, scale, 1.0), w / np.where(size > 0, size, 1.0), size
+    return WEAK_TWO_WIDTH * np.where(scale > 0, scale, 1.0), w / np.where(size > 0, size, 1.0), size
 
 
 def correction(problem: Problem, middle: Array, mean: Array, variance: Array) -> Array:
@@ -149,7 +149,7 @@ def limited(change: Values, structure: Values) -> Values:
         dot(M.reshape(d * d, *M.shape[2:]), M.reshape(d * d, *M.shape[2:])) for M in (change, structure)
     )
     # S₃ is 0 where B is.
-    return change / (1 + size / (whole + SMALLEST))
+    return change / (1 + size / (whole + DIVISOR_GUARD))
 
 
 def formula(fields: Any, y: Values, z: Values, step: Values) -> Values:

@@ -26,7 +26,7 @@ from sepv.schemes._scheme import Scheme, Solve, as_lanes, truncation_for
 Parts = Callable[..., Array]
 
 # The attributes of `Solution` with counts that every solver reports.
-COUNTS = ("iterations", "gradient_evaluations", "structure_evaluations")
+SOLUTION_COUNTS = ("iterations", "gradient_evaluations", "structure_evaluations")
 
 # Laws claimed by all built-in schemes, by methods for y′ = f(y) with step Δ, by symmetric, by
 # energy-preserving ones.
@@ -94,7 +94,7 @@ def merge(whole: Solution, part: Solution, lanes: Lanes) -> None:
     for key, values in vars(whole).items():
         new = getattr(part, key)
         if values is not None and new is not None:
-            before = values[lanes] if key in (*COUNTS, "divisions", "continuations") else 0
+            before = values[lanes] if key in (*SOLUTION_COUNTS, "divisions", "continuations") else 0
             values[..., lanes] = before + new
 
 

@@ -29,7 +29,7 @@ from sepv.errors import UsageError
 _ROUNDING = 1e-12
 # The order of the highest moment that is compared with that of N(0, 1). A law of a few points
 # matches fewer moments.
-_MOST = 24
+_COMPARED_MOMENTS = 24
 
 
 @dataclass(frozen=True)
@@ -96,20 +96,20 @@ class PointLaw:
         """The largest k such that the moments 1 … k are those of N(0, 1):
         enough for a weak order (k − 1)/2.
         """
-        for k in range(1, _MOST):
+        for k in range(1, _COMPARED_MOMENTS):
             # For even k, E ξ^k = (k − 1)!!.
             wanted = 0.0 if k % 2 else float(math.prod(range(k - 1, 0, -2)))
             terms = [w * v**k for v, w in zip(self.values, self.weights, strict=True)]
             if abs(math.fsum(terms) - wanted) > _ROUNDING * max(1.0, math.fsum(map(abs, terms))):
                 return k - 1
-        return _MOST - 1
+        return _COMPARED_MOMENTS - 1
 
 
 TWO_POINT = PointLaw("two-point", (-1.0, 1.0), (0.5, 0.5))
 THREE_POINT = PointLaw("three-point", (-math.sqrt(3.0), 0.0, math.sqrt(3.0)), (1 / 6, 2 / 3, 1 / 6))
 NAMED = {law.name: law for law in (TWO_POINT, THREE_POINT)}
 NORMAL = "normal"
-NAMES = (NORMAL, *NAMED)
+POINT_LAWS = (NORMAL, *NAMED)
 
 
 def point_law(increments: str | PointLaw | None) -> PointLaw | None:
@@ -123,8 +123,8 @@ def point_law(increments: str | PointLaw | None) -> PointLaw | None:
     name = str(increments).strip().replace("_", "-")
     if name != NORMAL and name not in NAMED:
         raise UsageError(
-            expected=f"increments, one of {', '.join(NAMES)}, or a sepv.PointLaw",
-            received=did_you_mean(name, NAMES),
+            expected=f"increments, one of {', '.join(POINT_LAWS)}, or a sepv.PointLaw",
+            received=did_you_mean(name, POINT_LAWS),
             remedy="normal ones where paths matter, two- and three-point ones for weak orders 1 and 2",
         )
     return NAMED.get(name)

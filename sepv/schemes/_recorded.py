@@ -29,7 +29,7 @@ from sepv.record import (
 from sepv.record import symbol_array as array
 
 
-class Equation(NamedTuple):
+class RecordedEquation(NamedTuple):
     """The equation z = R of a step in symbols: R (d,), K = ∂R/∂z (d, d),
     and the numbers of the step (k,).
 
@@ -62,7 +62,7 @@ class Recorded:
         self.inside = None if problem.domain is None else self._call("domain", self.y)
         power = degree(self.H, self.y)
         self.degree = 0 if power is None else max(power, 1)
-        self._equations: dict[tuple[Formula, bool], Equation] = {}
+        self._equations: dict[tuple[Formula, bool], RecordedEquation] = {}
 
     def skew(self, B: Any) -> Any:
         """The matrix B (d, d) in symbols. For polynomial data the lower entries are the negatives
@@ -121,7 +121,7 @@ class Recorded:
         sums = expand(f, self.y, len(reachable(f))) if self.degree <= 2 else None
         return None if sums is None else [poly.polynomial(self.dimension, terms) for terms in sums]
 
-    def equation_of(self, formula: Formula, count: int, apart: bool = True) -> Equation:
+    def equation_of(self, formula: Formula, count: int, apart: bool = True) -> RecordedEquation:
         """The equation z = R of a scheme's formula that uses `count` numbers of a step.
 
         If `apart` is False, as for explicit steps, B∇H is multiplied out wherever the product is
@@ -138,7 +138,9 @@ class Recorded:
             except Exception as error:
                 raise CannotRecord(f"{type(error).__name__} with symbols: {error}") from error
             K = jacobian(R, self.z)
-            self._equations[formula, apart] = Equation(R, K, step, fields.gradients, fields.structures)
+            self._equations[formula, apart] = RecordedEquation(
+                R, K, step, fields.gradients, fields.structures
+            )
         return self._equations[formula, apart]
 
     def system(self, formula: Formula, count: int) -> tuple[Any, Any]:

@@ -37,14 +37,14 @@ def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return state.reshape(y.shape)
 
 
-CLAIMS = CLAIMS_OF_ALL | {
+SPLITTING_CLAIMS = CLAIMS_OF_ALL | {
     "identity", "casimir", "invariant:casimir", "poisson-map", "poisson-map:constant", "volume", "positivity",
     "symmetry",
 }  # fmt: skip
 scheme = one_step(
     "splitting",
     step,
-    CLAIMS,
+    SPLITTING_CLAIMS,
     "Strang's composition of exact flows, with the random step of (2.1)",
     look=Look("#7A5230", "#D2A679", "x", "4 1"),
 )

@@ -23,7 +23,7 @@ from sepv.problem import Array, Problem
 
 # A scheme refuses a step by raising one of these exceptions; `sepv.StepFailure` is an
 # ArithmeticError.
-REFUSALS = (ArithmeticError, np.linalg.LinAlgError)
+REFUSAL_ERRORS = (ArithmeticError, np.linalg.LinAlgError)
 
 
 @dataclass(frozen=True)
@@ -136,12 +136,13 @@ class PathSolver(StatefulStep):
     def states(self, problem: Problem, y0: Array, h: float, dW: Array) -> Array:
         """The states (N + 1, d) of one path with the increments dW (N, m).
 
-        They are NaN from the first step that the solver refuses by an exception of `REFUSALS`.
+        They are NaN from the first step that the solver refuses by an exception of
+        `REFUSAL_ERRORS`.
         """
         states = np.full((len(dW) + 1, y0.size), np.nan)
         states[0] = y0
         for n in range(len(dW), 0, -1):  # the longest beginning of the path that the solver takes
-            with suppress(*REFUSALS):
+            with suppress(*REFUSAL_ERRORS):
                 states[: n + 1] = whole(self.path, problem, y0, h, dW[:n])
                 break
         return states

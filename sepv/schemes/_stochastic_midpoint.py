@@ -19,7 +19,7 @@ from sepv.problem import Systems, each_noise
 from sepv.schemes._one_step import RANDOM_STEP, implicit, one_step
 from sepv.schemes._order_claims import Orders
 
-CLAIMS = (RANDOM_STEP - {"random-step"}) | {"casimir", "poisson-map:constant", "symmetry"}
+MIDPOINT_CLAIMS = (RANDOM_STEP - {"random-step"}) | {"casimir", "poisson-map:constant", "symmetry"}
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
@@ -36,7 +36,7 @@ step = implicit(formula, derivative(formula), parts=each_noise)
 scheme = one_step(
     "stochastic-midpoint",
     step,
-    CLAIMS,
+    MIDPOINT_CLAIMS,
     "Milstein, Repin and Tretyakov (2002), for any B",
     weak_order=1.0,
     mean_square_order=Orders(0.5, commutative=1.0),

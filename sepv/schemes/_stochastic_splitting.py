@@ -21,7 +21,7 @@ from sepv.schemes._one_step import CLAIMS_OF_ALL, one_step
 from sepv.schemes._order_claims import Orders
 from sepv.schemes._scheme import as_lanes
 
-PROBLEMS = ("random-inertia", "random-maxwell-bloch", "noisy-henon-heiles", "random-lotka-volterra")
+SPLITTING_PROBLEMS = ("random-inertia", "random-maxwell-bloch", "noisy-henon-heiles", "random-lotka-volterra")
 
 
 def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
@@ -48,5 +48,5 @@ scheme = one_step(
     "Bréhier, Cohen and Jahnke (2023), composed as Strang's",
     weak_order=1.0,
     mean_square_order=Orders(0.5, commutative=1.0),
-    problems=PROBLEMS,
+    problems=SPLITTING_PROBLEMS,
 )

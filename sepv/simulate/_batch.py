@@ -15,7 +15,7 @@ from sepv.console import Column, Table, facts, html
 from sepv.core.newton import Status
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem, invariants, known_invariants
-from sepv.schemes import REFUSALS, PathSolver, Scheme, StatefulStep, carry, joined_lanes, lanes
+from sepv.schemes import REFUSAL_ERRORS, PathSolver, Scheme, StatefulStep, carry, joined_lanes, lanes
 from sepv.simulate import _truncation as bounded
 from sepv.simulate._results.reductions import Summary
 
@@ -391,7 +391,7 @@ def batch_step(
             try:
                 whole, carried.states = carry(scheme, problem, y, carried.states, h, dW)
                 return np.asarray(whole, dtype=np.float64), code
-            except REFUSALS:
+            except REFUSAL_ERRORS:
                 pass
         states = list[Any]()
         for lane in range(y.shape[1]):
@@ -400,7 +400,7 @@ def batch_step(
             try:
                 end, state = carry(scheme, problem, y[:, here].copy(), state, h, dW[:, here].copy())
                 value[:, here] = end
-            except REFUSALS:
+            except REFUSAL_ERRORS:
                 code[lane] = Status.NO_CONVERGENCE
             states.append(state)
     if stateful:

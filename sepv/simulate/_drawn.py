@@ -8,7 +8,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from sepv.pictures import (
-    FLOOR,
+    DRAWN_ZERO,
+    TIME_AXIS,
     Axis,
     Series,
     draw_curves,
@@ -23,8 +24,7 @@ from sepv.problem import Array, Problem, changes_of_invariants
 
 # The largest numbers of curves, of points of a curve's strips, and of ends in a picture.
 CURVES, STRIPS, ENDS = 6, 400, 2000
-SIZE = (9.5, 3.8)
-TIME = Axis("time t")
+ENDS_SIZE = (9.5, 3.8)
 
 
 class Path(Protocol):
@@ -40,7 +40,7 @@ class Path(Protocol):
     def problem(self) -> Problem | None: ...
 
 
-class Ends(Protocol):
+class DrawnEnds(Protocol):
     """The parts of an `Ensemble` that its picture shows; `Ensemble` documents them."""
 
     @property
@@ -71,20 +71,22 @@ def path_figure(path: Path) -> Any:
         sides[_label("change since t = 0", len(changes))] = [
             _curve(name, path.t, values) for name, values in changes[:CURVES]
         ]
-    with figure(SIZE[0] if len(sides) > 1 else SIZE[0] / 2, SIZE[1], layout="constrained") as drawn:
+    with figure(
+        ENDS_SIZE[0] if len(sides) > 1 else ENDS_SIZE[0] / 2, ENDS_SIZE[1], layout="constrained"
+    ) as drawn:
         for axes, (label, curves) in zip(np.ravel(drawn.subplots(1, len(sides))), sides.items(), strict=True):
-            draw_curves(axes, curves, looks([""]), TIME, Axis(label), most=STRIPS)
+            draw_curves(axes, curves, looks([""]), TIME_AXIS, Axis(label), most=STRIPS)
             axes.legend(ncols=3, loc="lower right", bbox_to_anchor=(1, 1))
         if path.problem is not None:
             drawn.suptitle(f"{path.problem.name}: {path.y.shape[1] - 1:,} steps")
         return drawn
 
 
-def ensemble_figure(ends: Ends) -> Any:
+def ensemble_figure(ends: DrawnEnds) -> Any:
     """The states of the paths that got through, and the distribution of their defects."""
     require_matplotlib("the arrays y and states need none")
     got_through = np.asarray(ends.status) == 0
-    with figure(*SIZE, layout="constrained") as drawn:
+    with figure(*ENDS_SIZE, layout="constrained") as drawn:
         states, defects = drawn.subplots(1, 2)
         if len(ends.times):
             _bands(states, ends.times, np.asarray(ends.states[...])[:, :, got_through])
@@ -116,7 +118,7 @@ def _bands(axes: Any, times: Array, states: Array) -> None:
     curves = [_curve(f"y{i}", times, values) for i, values in enumerate(middle, 1)]
     for look, below, above in zip(looks_of(curves, looks([""])), low, high, strict=True):
         axes.fill_between(times, below, above, color=look.colour, alpha=0.15, linewidth=0)
-    draw_curves(axes, curves, looks([""]), TIME, Axis(_label("median, and 5 % to 95 %", len(states))))
+    draw_curves(axes, curves, looks([""]), TIME_AXIS, Axis(_label("median, and 5 % to 95 %", len(states))))
     axes.legend(ncols=3, loc="lower right", bbox_to_anchor=(1, 1))
 
 
@@ -132,14 +134,14 @@ def _ends(axes: Any, y: Array) -> None:
     frame(axes, Axis("y1 at T"), Axis("y2 at T" if len(y) > 1 else "share of paths"))
 
 
-def _shares(axes: Any, ends: Ends, got_through: Any) -> None:
+def _shares(axes: Any, ends: DrawnEnds, got_through: Any) -> None:
     """The share of paths whose largest change of an invariant is at most x;
     no change is drawn at half an ulp of 1.
     """
     curves = []
     for name, values in (("H", ends.energy_defect), ("a Casimir", ends.casimir_defect)):
-        sorted_defects = np.sort(np.maximum(np.asarray(values[...])[got_through], FLOOR))
-        if sorted_defects.size and (name == "H" or sorted_defects[-1] > FLOOR):
+        sorted_defects = np.sort(np.maximum(np.asarray(values[...])[got_through], DRAWN_ZERO))
+        if sorted_defects.size and (name == "H" or sorted_defects[-1] > DRAWN_ZERO):
             curves.append(
                 _curve(name, sorted_defects, np.arange(1, sorted_defects.size + 1) / sorted_defects.size)
             )

@@ -18,10 +18,10 @@ from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 
 # The largest number of steps N; beyond it, N and N + 1 are the same binary64 number.
-MOST_STEPS = 2**53
+MAX_STEPS = 2**53
 
 
-class Run(NamedTuple):
+class RunArguments(NamedTuple):
     """Checked arguments shared by `integrate`, `ensemble` and `long_path`;
     k is the truncation's k (Remark 2.1).
     """
@@ -36,16 +36,16 @@ class Run(NamedTuple):
 def checked(
     scheme: str | Scheme | Step, problem: str | Problem, h: float, T: float | None, steps: int | None,
     y0: ArrayLike | None, truncation: int | Literal["own"] | None, increments: str | PointLaw | None,
-) -> Run:  # fmt: skip
+) -> RunArguments:  # fmt: skip
     """Load scheme and problem and check the arguments of a run;
     errors are listed in `sepv.integrate`.
     """
     problem = load_problem(problem)
     own, k = prepared(load_scheme(scheme, problems=(problem,)), truncation, increments)
-    return Run(own, problem, initial_state(problem, y0), step_count(h, T, steps), k)
+    return RunArguments(own, problem, initial_state(problem, y0), step_count(h, T, steps), k)
 
 
-def require_drawable(run: Run, h: float, seed: int, paths: range, refine: int | None) -> None:
+def require_drawable(run: RunArguments, h: float, seed: int, paths: range, refine: int | None) -> None:
     """Raise an error if increments for the scheme cannot be drawn,
     or if a step of the scheme returns no state.
     """
@@ -120,10 +120,10 @@ def step_count(h: float, T: float | None, steps: int | None) -> int:
     assert T is not None
     if not is_number(T) or T <= 0:
         raise UsageError(expected="T, a finite number > 0", received=f"{T!r:.80}", remedy="choose T = N h")
-    count = round(min(T / h, MOST_STEPS + 1))
-    if count > MOST_STEPS:
+    count = round(min(T / h, MAX_STEPS + 1))
+    if count > MAX_STEPS:
         raise UsageError(
-            expected=f"at most {MOST_STEPS} steps",
+            expected=f"at most {MAX_STEPS} steps",
             received=f"T = {T!r}, h = {h!r}",
             remedy="choose a larger h: the rounding of t = Nh alone is beyond h otherwise",
         )

@@ -23,7 +23,7 @@ from sepv.problem import Array
 
 # Levels of Lévy's construction with at most this many increments are drawn from the path's first
 # stream.
-TOP = 64
+TOP_INCREMENTS = 64
 # Rounds of mixing after a stream's state is set. NumPy uses 12 for SFC64; SFC64's author uses 18
 # for three words.
 MIXING = 18
@@ -92,7 +92,7 @@ def grid(steps: int, refine: int | None = None) -> Grid:
         halvings = refine
     base = steps >> halvings
     top = 0
-    while top < halvings and base << (top + 1) <= TOP:
+    while top < halvings and base << (top + 1) <= TOP_INCREMENTS:
         top += 1
     return Grid(base, halvings, top)
 
@@ -156,7 +156,7 @@ def walk(
     fine = plan.halvings - plan.top
     group = max(1, size >> fine)
     coarse = None
-    if plan.base <= TOP:
+    if plan.base <= TOP_INCREMENTS:
         normals = streams.draw(0, plan.base << plan.top)
         coarse = factors[0] * normals[: plan.base]
         for level in range(1, plan.top + 1):

@@ -6,5 +6,5 @@ quantiles of Student's t, of F and of the binomial distribution.
 
 from __future__ import annotations
 
-from sepv.statistics._jackknife import GROUPS, Estimate, jackknife, jackknife_half
+from sepv.statistics._jackknife import JACKKNIFE_GROUPS, Estimate, jackknife, jackknife_half
 from sepv.statistics._quantiles import binomial, fishers_f, students_t

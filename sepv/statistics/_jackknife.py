@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 # The number of groups of paths for the jackknife. With more groups, each would have too few paths
 # for a nearly normal mean square. With fewer, the t-quantile (here with 31 degrees of freedom)
 # would be larger.
-GROUPS = 32
+JACKKNIFE_GROUPS = 32
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,11 @@ def jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float)
     """Estimate `statistic`, a function of the n means over paths of `samples` (n, paths),
     and its interval.
 
-    The paths are divided into GROUPS groups, and the statistic is computed again with each group
-    left out in turn. The jackknife's interval is that of Student's t with GROUPS − 1 degrees of
-    freedom.
+    The paths are divided into JACKKNIFE_GROUPS groups, and the statistic is computed again with
+    each group left out in turn. The jackknife's interval is that of Student's t with
+    JACKKNIFE_GROUPS − 1 degrees of freedom.
     """
-    parts = np.array_split(samples, GROUPS, axis=1)
+    parts = np.array_split(samples, JACKKNIFE_GROUPS, axis=1)
     groups = np.stack([part.sum(axis=1) for part in parts])
     sizes = np.array([part.shape[1] for part in parts], dtype=np.float64)
     total, count = groups.sum(axis=0), sizes.sum()

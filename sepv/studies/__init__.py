@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from sepv.studies._compare.method import from_states, load_method
     from sepv.studies._compare.run import compare as compare
     from sepv.studies._compare.run import one_core
-    from sepv.studies._energy_growth import DOUBLINGS, Growth, growth
+    from sepv.studies._energy_growth import SLOPE_DOUBLINGS, Growth, growth
     from sepv.studies._hard_cases import Seen, long_steps
     from sepv.studies._hard_cases import run as run_hard_cases
     from sepv.studies._solvability.branch import End
@@ -47,7 +47,7 @@ __getattr__, __dir__ = lazily(
         "_compare.comparison": "Comparison",
         "_compare.run": "compare one_core",
         "_compare.table": "*comparison_table",
-        "_energy_growth": "*energy_growth DOUBLINGS Growth growth",
+        "_energy_growth": "*energy_growth SLOPE_DOUBLINGS Growth growth",
         "_energy_without_noise": "*energy_without_noise",
         "_hard_cases": "Seen long_steps run_hard_cases=run",
         "_solvability.branch": "End",

@@ -7,10 +7,10 @@ energy drifts; the drift is smaller than the walk until t is of the order 1/h²
 (`_energy_diffusion`). An explicit scheme drifts by O(h)t, and faster later.
 
 The errors at the times T/2^k are taken on the same paths. The growth is the exponent p of rms ∝ t^p
-over the last DOUBLINGS doublings of t; the drift is the mean over paths of (H(T) − H(T/4))/(3T/4).
-Both have intervals of confidence 1 − LEVEL, the first by a jackknife over paths. If means over many
-paths are normal, one kind of growth is mistaken for another with probability at most LEVEL. A drift
-that does not exist is found with probability at most LEVEL.
+over the last SLOPE_DOUBLINGS doublings of t; the drift is the mean over paths of (H(T) −
+H(T/4))/(3T/4). Both have intervals of confidence 1 − LEVEL, the first by a jackknife over paths. If
+means over many paths are normal, one kind of growth is mistaken for another with probability at
+most LEVEL. A drift that does not exist is found with probability at most LEVEL.
 
 This is a study and not a law of the suite. Schemes that do not keep H claim nothing about how the
 error of H grows. Seeing the drift of a symplectic scheme takes 10⁷ steps, fifty times the steps of
@@ -41,10 +41,10 @@ from sepv.studies._energy_diffusion import EnergyDiffusion, energy_diffusion
 
 # A bounded error oscillates. If its size doubles between two times, the slope is 1 over one
 # doubling of t, but at most 1/4 over four. The period of the oscillation has to be below
-# T/2^DOUBLINGS.
-DOUBLINGS = 4
+# T/2^SLOPE_DOUBLINGS.
+SLOPE_DOUBLINGS = 4
 # Line styles of a scheme's measured curve, and of its curve by theory.
-STYLES: tuple[Literal["points", "line"], ...] = ("points", "line")
+CURVE_STYLES: tuple[Literal["points", "line"], ...] = ("points", "line")
 
 
 @dataclass(frozen=True)
@@ -118,15 +118,15 @@ def growth(
     """Measure the growth of the energy's error over `paths` paths from the problem's initial state
     up to T.
 
-    Raises UsageError unless T/h is a multiple of 2^DOUBLINGS, because the times T/2^k must be
+    Raises UsageError unless T/h is a multiple of 2^SLOPE_DOUBLINGS, because the times T/2^k must be
     multiples of h.
     """
     steps = round(T / h)
-    if steps < 2**DOUBLINGS or steps % 2**DOUBLINGS or not np.isclose(steps * h, T, rtol=1e-12):
+    if steps < 2**SLOPE_DOUBLINGS or steps % 2**SLOPE_DOUBLINGS or not np.isclose(steps * h, T, rtol=1e-12):
         raise UsageError(
-            expected=f"a time T that is a multiple of {2**DOUBLINGS} h, h = {h:g}",
+            expected=f"a time T that is a multiple of {2**SLOPE_DOUBLINGS} h, h = {h:g}",
             received=f"T = {T:g}",
-            remedy=f"T = {max(1, round(steps / 2**DOUBLINGS)) * 2**DOUBLINGS * h:g}",
+            remedy=f"T = {max(1, round(steps / 2**SLOPE_DOUBLINGS)) * 2**SLOPE_DOUBLINGS * h:g}",
         )
     counts = [steps]
     while counts[-1] % 2 == 0:
@@ -154,7 +154,7 @@ def judged(
     paths = errors.shape[1]
     rates = (errors[-1] - errors[-3]) / (times[-1] - times[-3])
     half = float(students_t(LEVEL / 2, paths - 1) * np.std(rates, ddof=1) / np.sqrt(paths))
-    late = slice(-DOUBLINGS - 1, None)
+    late = slice(-SLOPE_DOUBLINGS - 1, None)
     return Growth(
         scheme, paths, times, np.mean(errors, axis=1), np.std(errors, axis=1, ddof=1) / np.sqrt(paths),
         np.sqrt(np.mean(errors**2, axis=1)), exponent(times[late], errors[late]),
@@ -181,7 +181,7 @@ def draw(rows: Sequence[Growth], title: str, suffix: str, own: dict[str, Look] |
                     curves[f"{row.scheme}, theory"] = row.derived.at(row.times)[side]
                 shown += [
                     Series(name, row.times.tolist(), np.abs(values).tolist(), row.scheme, style)
-                    for (name, values), style in zip(curves.items(), STYLES, strict=False)
+                    for (name, values), style in zip(curves.items(), CURVE_STYLES, strict=False)
                 ]
             draw_curves(axes, shown, look_of, Axis("time t", log=True), Axis(label, log=True))
         drawn.suptitle(title)

@@ -23,7 +23,7 @@ from sepv.properties import EnergyPath, Stopped, allowed_rounding, trend, users_
 from sepv.schemes import Look, Scheme
 
 # The number of points of a curve, and of paths that start on one orbit.
-POINTS, PATHS = 256, 8
+CURVE_POINTS, ORBIT_PATHS = 256, 8
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def quiet_growth(scheme: Scheme, problem: Problem, *, h: float, T: float) -> Qui
         )
     system, steps = quiet_problem(problem), max(1, round(T / h))
     start = np.array(problem.initial, dtype=np.float64)[:, None]
-    shown = np.unique(np.geomspace(1, steps, POINTS).round().astype(int))
+    shown = np.unique(np.geomspace(1, steps, CURVE_POINTS).round().astype(int))
     largest, failed = [], ""
     for finer in (1, 2):
         try:
@@ -105,7 +105,7 @@ def _trend(scheme: Scheme, problem: Problem, h: float, T: float) -> tuple[str, s
         return "not judged", reason.reason
     steps = max(orbits.steps, round(orbits.period / h))
     longer = max(1, round((T / orbits.period / 4 - 1) / 1.5))
-    judged = trend(scheme, replace(orbits, steps=steps), PATHS, longer)
+    judged = trend(scheme, replace(orbits, steps=steps), ORBIT_PATHS, longer)
     words = {Verdict.HOLDS: "no trend", Verdict.VIOLATED: "a trend", Verdict.INCONCLUSIVE: "not decided"}
     return words.get(judged.verdict, "failed"), judged.text
 

@@ -18,7 +18,7 @@ from sepv.problem import Problem
 
 # The functions of a problem whose evaluations are counted, and the kind of evaluation that each is
 # counted as.
-COUNTED = {
+KIND_OF_EVALUATION = {
     "gradient": "gradient",
     "mean_gradient": "gradient",  # a closed form replaces a quadrature of ∇H
     "structure": "structure",
@@ -26,7 +26,7 @@ COUNTED = {
     "hessian": "hessian",
     "structure_derivative": "structure derivative",
 }
-KINDS = tuple(dict.fromkeys(COUNTED.values()))
+EVALUATION_KINDS = tuple(dict.fromkeys(KIND_OF_EVALUATION.values()))
 
 
 @dataclass
@@ -35,7 +35,7 @@ class Work:
     and the Newton iterations that the scheme reports.
     """
 
-    evaluations: dict[str, int] = field(default_factory=lambda: dict.fromkeys(KINDS, 0))
+    evaluations: dict[str, int] = field(default_factory=lambda: dict.fromkeys(EVALUATION_KINDS, 0))
     iterations: int | None = None
 
     def to_json(self) -> dict[str, int | None]:
@@ -57,7 +57,7 @@ def counted(problem: Problem, work: Work) -> Problem:
 
     wrapped: dict[str, Any] = {
         name: counting(kind, getattr(problem, name))
-        for name, kind in COUNTED.items()
+        for name, kind in KIND_OF_EVALUATION.items()
         if getattr(problem, name) is not None
     }
     return replace(problem, **wrapped, check=False)

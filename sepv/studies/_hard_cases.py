@@ -26,7 +26,7 @@ from sepv.schemes import gauss_amplification as amplification
 from sepv.simulate import initial_state
 
 # The number of steps in a batch, which are solved together and have the same random h.
-BATCH = 500
+HARD_BATCH = 500
 
 
 @dataclass
@@ -128,7 +128,7 @@ def run(
         rng = np.random.default_rng([seed, *case.name.encode()])
         seen = Seen(case, laws=_laws(scheme, case, case.sample(rng, laws), laws) if laws else {})
         while seen.steps < steps:
-            _measure(seen, scheme, case.sample(rng, min(BATCH, steps - seen.steps)))
+            _measure(seen, scheme, case.sample(rng, min(HARD_BATCH, steps - seen.steps)))
         rows.append(seen)
     return rows
 

@@ -30,7 +30,7 @@ from sepv.properties import growth_kind as kind_of
 from sepv.record import EPS
 from sepv.schemes import Scheme, ask
 from sepv.statistics import students_t
-from sepv.studies._energy_growth import DOUBLINGS
+from sepv.studies._energy_growth import SLOPE_DOUBLINGS
 from sepv.studies._table_of_states import Rows, read_rows
 
 __all__ = ["TREND", "Drift", "Mismatch", "Rows", "drifts", "first_mismatch", "read_rows"]
@@ -155,12 +155,12 @@ def drifts(rows: Rows, problem: Problem) -> list[Drift]:
 
 
 def _exponent(t: Array, errors: Array) -> tuple[float, float]:
-    steps, shortest = errors.size - 1, 2**DOUBLINGS
+    steps, shortest = errors.size - 1, 2**SLOPE_DOUBLINGS
     blocks = min(BLOCKS, max(FEWEST_BLOCKS, steps // (8 * shortest)))
     length = steps // blocks // shortest * shortest
     if not length:
         return 0.0, np.inf
-    lags = length // 2 ** np.arange(DOUBLINGS, -1, -1)
+    lags = length // 2 ** np.arange(SLOPE_DOUBLINGS, -1, -1)
     starts = np.arange(blocks) * length
     since = errors[starts + lags[:, None]] - errors[starts]
     if not np.all(np.any(since != 0, axis=1)):

@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from sepv.verification._coverage import show as show_coverage
     from sepv.verification._junit_and_badge import badge_json, junit_xml
     from sepv.verification._progress import watching
-    from sepv.verification._report import MARKS
+    from sepv.verification._report import VERDICT_MARKS
 
 __getattr__, __dir__ = lazily(
     __name__,
@@ -64,6 +64,6 @@ __getattr__, __dir__ = lazily(
         "_github": "*github",
         "_junit_and_badge": "badge_json junit_xml",
         "_progress": "watching",
-        "_report": "MARKS *report",
+        "_report": "VERDICT_MARKS *report",
     },
 )

@@ -34,7 +34,7 @@ REPORT_MAX_BYTES = 2**22
 # largest degree of H.
 _MOST_NUMBERS, _MOST_DEGREE = 2**24, 64
 # The share of the laws that is measured again; at least one law is.
-SHARE = 0.25
+MEASURED_AGAIN_SHARE = 0.25
 # The bits of a defect depend on these: if one differs, or is not in the report, only verdicts are
 # compared.
 _BITS = ("sepv", "python", "numpy", "scipy", "hypothesis", "mpmath", "platform", "simd")
@@ -114,7 +114,7 @@ def against(
         if f["verdict"] == Verdict.VIOLATED.value and f["witness"] is not None:
             yield _counterexample(name, f["witness"], scheme, run, end - time.monotonic())
     searched = [name for name, f in reported.items() if f["expected"] is None]
-    drawn = random.SystemRandom().sample(searched, math.ceil(SHARE * len(searched)))
+    drawn = random.SystemRandom().sample(searched, math.ceil(MEASURED_AGAIN_SHARE * len(searched)))
     for law in load_laws(set(laws or drawn) & set(searched)):
         finding, wanted = measure(law, scheme, run, timeout), reported[law.name]
         differs = (

@@ -29,21 +29,22 @@ from sepv.schemes import Scheme, ask
 from sepv.verification._outcome import Outcome
 
 # The number of steps of a course, and the number of points of the exact solution in each step.
-STEPS, FINER = 40, 3
+COURSE_STEPS, EXACT_POINTS_PER_STEP = 40, 3
 # The most seconds for all courses of a report. Steps that were made until then are shown.
-SECONDS = 10.0
+COURSES_MAX_SECONDS = 10.0
 # A course ends when a state is larger than the first by this factor, because larger states would
 # flatten the picture.
-ESCAPE_FACTOR = 100.0
+COURSE_END_FACTOR = 100.0
 
 
 def with_courses(report: Outcome) -> dict[str, Any]:
-    """The report as JSON in which each violation by a single step has its course of STEPS steps.
+    """The report as JSON in which each violation by a single step has its course of COURSE_STEPS
+    steps.
 
     A course that raises an exception is left out, because a user's problem may raise any. After
     Ctrl-C none is made.
     """
-    data, end = report.to_json(), time.monotonic() + SECONDS
+    data, end = report.to_json(), time.monotonic() + COURSES_MAX_SECONDS
     for finding, law in zip(report.findings, data["laws"], strict=True):
         left = end - time.monotonic()
         single = finding.verdict is Verdict.VIOLATED and {"problem", "y"} <= set(finding.witness or {})
@@ -55,8 +56,8 @@ def with_courses(report: Outcome) -> dict[str, Any]:
     return data
 
 
-def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[str, Any]:
-    """Repeat the step of a finding's witness up to STEPS times; return what a picture shows,
+def course(scheme: Scheme, finding: Finding, seconds: float = COURSES_MAX_SECONDS) -> dict[str, Any]:
+    """Repeat the step of a finding's witness up to COURSE_STEPS times; return what a picture shows,
     or {} if y never changes.
 
     Returns
@@ -65,8 +66,8 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
         components : the numbers, from 1, of the two components of y that change most (of one if d
             = 1)
         states : these components in the first state and after each step
-        exact : these components of the exact solution, `FINER` points a step; empty if no formula
-            is known
+        exact : these components of the exact solution, `EXACT_POINTS_PER_STEP` points a step; empty
+            if no formula is known
         kept : the invariant that is shown: "C" for laws about Casimirs (the one that changes most),
             else "H"
         drift : the change of this invariant since the first state
@@ -81,14 +82,14 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
     states, ended = [y], ""
     try:
         with deadline(share):
-            while len(states) <= STEPS and not ended:
+            while len(states) <= COURSE_STEPS and not ended:
                 states.append(ask(scheme, problem, states[-1], h, dW))
-                if np.abs(states[-1]).max() > ESCAPE_FACTOR * np.abs(y).max() + 1:
+                if np.abs(states[-1]).max() > COURSE_END_FACTOR * np.abs(y).max() + 1:
                     ended = "it runs away"
     except SepvError as error:
         ended = str(error).partition("\n")[0].rstrip(".")
     except TimedOut:
-        ended = f"the time for all courses, {SECONDS:g} s, was over"
+        ended = f"the time for all courses, {COURSES_MAX_SECONDS:g} s, was over"
     path = np.stack(states, axis=1)
     if not np.ptp(path, axis=1).any():
         return {}
@@ -97,7 +98,7 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
     exact = np.empty((len(y), 0))
     if one_field(problem):
         theta = float(problem.random_step(h, dW)) * np.linspace(
-            0, len(states) - 1, FINER * (len(states) - 1) + 1
+            0, len(states) - 1, EXACT_POINTS_PER_STEP * (len(states) - 1) + 1
         )
         with suppress(SepvError, TimedOut), deadline(share):
             exact = exact_flow(problem, theta, y).y

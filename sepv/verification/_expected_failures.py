@@ -35,8 +35,8 @@ from sepv.schemes import law_named
 
 _ENTRY = {"law", "reason", "witness"}
 # The largest effort that a witness of a statistical law may state, eight times the nightly effort.
-_MOST = {"paths": 2**17, "examples": 8000}
-_KEYS = {"expected", "claims", "measured", "scheme", "problems"}
+_MAX_EFFORT = {"paths": 2**17, "examples": 8000}
+_FAILURE_KEYS = {"expected", "claims", "measured", "scheme", "problems"}
 _EXAMPLE = '[[expected]] with law = "…", reason = "…", witness = "…"; `--pin FILE` makes a first one'
 
 
@@ -109,7 +109,7 @@ def load(path: str | Path, laws: Iterable[str]) -> Expectations:
     except (ValueError, RecursionError) as error:
         raise UsageError(expected=f"TOML in {path}", received=str(error), remedy=_EXAMPLE) from error
     entries = data.get("expected", [])
-    if set(data) - _KEYS or not isinstance(entries, list):
+    if set(data) - _FAILURE_KEYS or not isinstance(entries, list):
         raise UsageError(
             expected=f"claims and tables [[expected]] in {path}",
             received=f"keys {sorted(data)}",
@@ -179,7 +179,7 @@ def _entry(entry: Any, where: str, known: tuple[str, ...]) -> ExpectedFailure:
         elif not isinstance(witness, dict) or not all(_drawn(k, v) for k, v in witness.items()):
             raise UsageError(
                 expected="a token, or a table of integers such as { seed = 0, paths = 8192 } with "
-                + ", ".join(f"{key} ≤ {most}" for key, most in _MOST.items()),
+                + ", ".join(f"{key} ≤ {most}" for key, most in _MAX_EFFORT.items()),
                 received=f"{witness!r:.60}",
                 remedy="copy what the report prints after --replay",
             )
@@ -192,9 +192,9 @@ def _entry(entry: Any, where: str, known: tuple[str, ...]) -> ExpectedFailure:
 
 def _drawn(key: str, value: Any) -> bool:
     """True if a witness of a statistical law may have `key` = `value`;
-    _MOST bounds the work of its replay.
+    _MAX_EFFORT bounds the work of its replay.
     """
-    return type(value) is int and 0 <= value <= _MOST.get(key, value)
+    return type(value) is int and 0 <= value <= _MAX_EFFORT.get(key, value)
 
 
 def to_toml(scheme: str, findings: Iterable[Finding]) -> str:

@@ -7,13 +7,11 @@ from collections.abc import Iterable
 from sepv.errors import UsageError
 from sepv.law import Law
 from sepv.properties import listed, load_laws
-from sepv.schemes import LAWS, OF_TWINS
+from sepv.schemes import LAWS, LOCAL_LAWS, OF_TWINS
 from sepv.verification._profiles import Requirement, laws_for
 
 # Laws that share the paths they draw (`Run.paths`): one process measures them, in this order.
-SAMPLED = ("mean-square-order", "weak-order", "right-limit")
-# Laws that share the computed errors of one step (`Run.steps`).
-LOCAL = ("local-mean", "local-mean-square", "local-weak")
+SAMPLED_LAWS = ("mean-square-order", "weak-order", "right-limit")
 # Laws measured first: they need a second or two, and show most faults. The contract is the very
 # first: if every step sets the same global state, such as a seed, this no longer shows after the
 # steps of another law.
@@ -29,7 +27,7 @@ def soonest(laws: Iterable[Law]) -> list[Law]:
     """
     asked = list(laws)
     steps = {law.name: law.spared or law.steps for law in asked}
-    for family in (SAMPLED, LOCAL):
+    for family in (SAMPLED_LAWS, LOCAL_LAWS):
         own = [name for name in family if name in steps]
         steps |= dict.fromkeys(own, max(map(steps.__getitem__, own), default=0))
     return sorted(

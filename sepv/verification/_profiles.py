@@ -58,9 +58,9 @@ PROFILES = (
     Profile("symmetric", "symmetric", ("symmetry",)),
     Profile("2.1", "(2.1)", ("reference", "expansion", "midpoint", "reduction")),
 )
-NAMES = tuple(p.name for p in PROFILES)
+PROFILE_NAMES = tuple(p.name for p in PROFILES)
 # A requested order above this is taken for a typing error.
-_LARGEST = 100
+_ORDER_MAX = 100
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def requirements(profiles: str | Iterable[str]) -> tuple[Requirement, ...]:
     required = tuple(_requirement(name) for name in names if name)
     if not required:
         raise UsageError(
-            expected=f"a profile to require, of {', '.join(NAMES)}",
+            expected=f"a profile to require, of {', '.join(PROFILE_NAMES)}",
             received=repr(profiles),
             remedy='require="energy,order-1", or leave it out',
         )
@@ -134,14 +134,16 @@ def _requirement(name: str) -> Requirement:
                 order = Fraction(number)
             except (ValueError, ZeroDivisionError):
                 order = Fraction(0)
-            if not 0 < order <= _LARGEST:
+            if not 0 < order <= _ORDER_MAX:
                 raise UsageError(
                     expected=f"an order after {profile.name}-, a positive number",
                     received=f"{name!r:.60}",
                     remedy=f"{profile.name}-1, or {profile.name}-0.5",
                 )
             return Requirement(profile, float(order))
-    require_one_of("a profile", name, NAMES, "order-1 asks for an order", did_you_mean(name, NAMES))
+    require_one_of(
+        "a profile", name, PROFILE_NAMES, "order-1 asks for an order", did_you_mean(name, PROFILE_NAMES)
+    )
     return Requirement(next(p for p in PROFILES if p.name == name))
 
 

@@ -17,7 +17,7 @@ from sepv.law import Finding, Law, Verdict
 from sepv.verification._verify import LawProgress
 
 # Seconds after which a law may be called late, and after which the current case is named.
-LATE, SLOW = 5.0, 2.0
+LATE_SECONDS, SLOW_SECONDS = 5.0, 2.0
 # A law with this many steps spends most of its time on them, if a step takes more than ten
 # microseconds.
 STEPS_OF_A_LONG_LAW = 10000
@@ -88,12 +88,12 @@ class Course:
         return {name: pace * law.cost + step * self.steps(law) for name, law in self.left.items()}
 
     def late(self) -> dict[str, tuple[float, float]]:
-        """For each law that has run longer than LATE and its expected time by half:
+        """For each law that has run longer than LATE_SECONDS and its expected time by half:
         its seconds so far and expected.
         """
         now, whole = time.monotonic(), self.whole()
         ran = {name: now - began for name, began in self.began.items() if name in whole}
-        return {name: (t, whole[name]) for name, t in ran.items() if t > max(LATE, 1.5 * whole[name])}
+        return {name: (t, whole[name]) for name, t in ran.items() if t > max(LATE_SECONDS, 1.5 * whole[name])}
 
     def seconds_left(self) -> float | None:
         """The estimated seconds left; None before a law is done,
@@ -125,7 +125,7 @@ class Course:
             if spent and self.found and (self.rates()[1] or law not in left or not left[law].steps):
                 words[-1] += f" for {spent:.0f} s where {max(1.0, expected):.0f} s were expected"
         since = time.monotonic() - journal.since if journal and journal.cases and len(running) == 1 else 0.0
-        if journal and since > SLOW:
+        if journal and since > SLOW_SECONDS:
             first = not self.found and journal.cases == 1
             waiting = f"waiting for the first step of {name}," if first else f"case {journal.cases} for"
             words.append(f"{waiting} {since:.0f} s")

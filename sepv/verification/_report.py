@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from sepv.verification._outcome import Outcome
 
 # The style of each verdict in a table, and its mark in the matrix of schemes and laws.
-_SHOWN = {
+_STYLE_AND_MARK = {
     Verdict.HOLDS: ("green", "holds"),
     Verdict.VIOLATED: ("bold red", "–"),
     Verdict.INCONCLUSIVE: ("yellow", "?"),
@@ -36,8 +36,8 @@ _SHOWN = {
     Verdict.ERROR: ("bold magenta", "error"),
     Verdict.NOT_MEASURED: ("dim", ""),
 }
-_STYLES = {verdict: style for verdict, (style, _) in _SHOWN.items()}
-MARKS = {verdict: mark for verdict, (_, mark) in _SHOWN.items()}
+_VERDICT_STYLES = {verdict: style for verdict, (style, _) in _STYLE_AND_MARK.items()}
+VERDICT_MARKS = {verdict: mark for verdict, (_, mark) in _STYLE_AND_MARK.items()}
 # Laws that every scheme claims. If a scheme claims no more, the violation of another law fails a
 # run only with a pin.
 CLAIMED_BY_ALL = ("contract",)
@@ -89,7 +89,7 @@ def _plain(write: Callable[[Console], None]) -> str:
 
 # The columns of the table. On a narrow terminal the columns with a number `goes` are dropped, in
 # order of this number.
-_COLUMNS = (
+_REPORT_COLUMNS = (
     Column("law"), Column("claimed", goes=3), Column("verdict"), Column("defect", right=True),
     Column("bound", right=True, goes=4), Column("unit", words=True, goes=2), Column("source", words=True, goes=1),
 )  # fmt: skip
@@ -99,7 +99,7 @@ def law_table(report: Outcome) -> Table:
     """The table of laws: law, claimed, verdict, defect against bound, unit, source."""
     title = report.scheme.name + (f" · {report.scheme.source}" if report.scheme.source else "")
     rows = [_law_row(report, f) for f in report.findings]
-    return Table(_COLUMNS, rows, Text(title, style="bold"), ruled=True)
+    return Table(_REPORT_COLUMNS, rows, Text(title, style="bold"), ruled=True)
 
 
 def _law_row(report: Outcome, f: Finding) -> tuple[str | Text, ...]:
@@ -107,7 +107,7 @@ def _law_row(report: Outcome, f: Finding) -> tuple[str | Text, ...]:
     claim = "yes" if f.law in report.scheme.claims else "always"
     claimed = "fails" if f.expected is not None else claim if f.claimed else ""
     bound = "" if f.bound is None else f"{'≥' if f.at_least else '≤'} {_number(f.bound)}"
-    style = "dim" if f.waived else _STYLES[f.verdict]
+    style = "dim" if f.waived else _VERDICT_STYLES[f.verdict]
     return f.law, claimed, Text(text, style=style), _number(f.defect), bound, f.unit, f.source
 
 
@@ -207,7 +207,7 @@ def matrix(reports: Sequence[Outcome]) -> Table:
     """A table of verdicts: a row for each law, a column for each scheme."""
 
     def cell(f: Finding) -> Text:
-        return Text(MARKS[f.verdict] + (" +" if f.claimed else ""), style=_STYLES[f.verdict])
+        return Text(VERDICT_MARKS[f.verdict] + (" +" if f.claimed else ""), style=_VERDICT_STYLES[f.verdict])
 
     rows = [[f[0].law, *map(cell, f)] for f in zip(*(r.findings for r in reports), strict=True)]
     # Blanks after a name make the headings differ, because two schemes may have the same name.
@@ -226,7 +226,9 @@ def show_finding(finding: Finding, out: Console, *, debug: bool = False) -> None
 
 
 def _headed(finding: Finding, source: str) -> Text:
-    return Text.assemble((finding.law, "bold"), " ", (finding.verdict_text, _STYLES[finding.verdict]), source)
+    return Text.assemble(
+        (finding.law, "bold"), " ", (finding.verdict_text, _VERDICT_STYLES[finding.verdict]), source
+    )
 
 
 def _details(finding: Finding, report: Outcome, out: Console, *, debug: bool) -> None:

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from sepv.children import (
-    TICK,
+    LOOK_MAX_SECONDS,
     Crashed,
-    Limit,
+    TimeLimit,
     interruption_answered,
     out_of_time,
     packed,
@@ -30,10 +30,10 @@ from sepv.children import (
 from sepv.errors import UsageError
 
 # Seconds between SIGTERM, on which a worker ends its own children, and SIGKILL.
-GRACE = 1.0
+WORKER_GRACE = 1.0
 # The seconds for a new interpreter and its imports on a loaded machine, in addition to a law's time
 # for the scheme.
-START = 60.0
+START_SECONDS = 60.0
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class _Worker:
 
     def __init__(self, task: bytes, seconds: float) -> None:
         self.child, self.left = take(WORKER), list[str]()
-        self.limit: Limit | None = Limit(seconds + START)
+        self.limit: TimeLimit | None = TimeLimit(seconds + START_SECONDS)
         self.child.send(task)
 
     def give(self, group: Sequence[str]) -> None:
@@ -82,7 +82,7 @@ class _Worker:
             return None
         # A fork of the worker may hold its pipes open, or the worker may have closed them: it is no
         # worker any more.
-        status = self.child.status(GRACE)
+        status = self.child.status(WORKER_GRACE)
         return Crashed(f"ended with {status}" if status else self.child.gone, self.child.notes.get())
 
 
@@ -108,7 +108,7 @@ def run(
         for _ in range(min(jobs, len(waiting))):
             start()
         while busy:
-            pump_all([worker.child for worker in busy], TICK)
+            pump_all([worker.child for worker in busy], LOOK_MAX_SECONDS)
             for worker in list(busy):
                 while (line := worker.child.line()) is not None:
                     if word := unpacked(line):
@@ -138,7 +138,7 @@ def _hear(
         raise RuntimeError(f"in a worker:\n{said_of[0]}")
     name, finding = said_of
     receive(name, finding)
-    worker.limit = Limit(seconds) if finding is None else None
+    worker.limit = TimeLimit(seconds) if finding is None else None
     if finding is not None:
         worker.left.remove(name)
 
@@ -166,7 +166,7 @@ def _ended() -> Iterator[list[_Worker]]:
     finally:
         for worker in workers:
             worker.child.ask_to_end()
-        until = time.monotonic() + GRACE
+        until = time.monotonic() + WORKER_GRACE
         for worker in workers:
             worker.child.status(until - time.monotonic())
             worker.child.end()

@@ -11,7 +11,7 @@ from pathlib import Path
 from traceback import format_exc
 from typing import Any
 
-from sepv._arguments import is_number, require_whole
+from sepv._arguments import MAX_SECONDS, is_number, require_whole
 from sepv._kept import save_all
 from sepv.children import Crashed, TimedOut, attempted, deadline, interruption_answered, overheard
 from sepv.errors import ClusterFailure, SepvError, Skipped, TargetError, UsageError
@@ -23,6 +23,7 @@ from sepv.law.fresh import asked_afresh, words_of
 from sepv.properties import listed, load_laws
 from sepv.schemes import (
     ALL_LAWS,
+    LOCAL_LAWS,
     OF_TWINS,
     Scheme,
     Step,
@@ -37,13 +38,11 @@ from sepv.schemes import (
 from sepv.verification import _side_by_side as side_by_side
 from sepv.verification._expected_failures import Expectations, ExpectedFailure
 from sepv.verification._expected_failures import load as load_expected
-from sepv.verification._laws import LOCAL, SAMPLED, laws_of, soonest
+from sepv.verification._laws import SAMPLED_LAWS, laws_of, soonest
 from sepv.verification._profiles import requirements
 from sepv.verification._shown import Report
 from sepv.verification._side_by_side import WORKER
 
-# The longest time limit in seconds, thirty years, because system clocks count no further.
-MOST_SECONDS = 1e9
 UNDECIDED = "interrupted before it was decided"
 LawProgress = Callable[[Law, "Finding | None"], None]
 
@@ -211,9 +210,9 @@ def along_paths(
 
 def _check_arguments(jobs: Any, timeout: Any, effort: Any, expected: Any) -> None:
     require_whole("jobs", jobs, "jobs=2 for two cores")
-    if not is_number(timeout) or not 0 < timeout <= MOST_SECONDS:
+    if not is_number(timeout) or not 0 < timeout <= MAX_SECONDS:
         raise UsageError(
-            expected=f"timeout, seconds > 0 and ≤ {MOST_SECONDS:g}",
+            expected=f"timeout, seconds > 0 and ≤ {MAX_SECONDS:g}",
             received=f"{timeout!r:.80}",
             remedy="timeout=600",
         )
@@ -236,9 +235,9 @@ def _side_by_side(
     that share steps.
     """
     by_name = {law.name: law for law in chosen}
-    shared = [[name for name in by_name if name in family] for family in (SAMPLED, LOCAL)]
+    shared = [[name for name in by_name if name in family] for family in (SAMPLED_LAWS, LOCAL_LAWS)]
     groups = [group for group in shared if group]
-    groups += [[name] for name in by_name if name not in (*SAMPLED, *LOCAL)]
+    groups += [[name] for name in by_name if name not in (*SAMPLED_LAWS, *LOCAL_LAWS)]
 
     def take(name: str, result: Finding | Crashed | None) -> None:
         law = by_name[name]

@@ -49,7 +49,7 @@ def answer(say: Any) -> None:
     """
     from sepv._kept import save_all
     from sepv.law import Run
-    from sepv.law.fresh import Question, answers, words_of
+    from sepv.law.fresh import FreshQuestion, answers, words_of
     from sepv.properties import load_laws
     from sepv.verification._side_by_side import WORKER
     from sepv.verification._verify import load_candidate, measure, replay
@@ -60,7 +60,7 @@ def answer(say: Any) -> None:
     sys.path[:] = path
     os.chdir(folder)
     task = pickle.loads(rest)
-    if isinstance(task, Question):
+    if isinstance(task, FreshQuestion):
         say("answers", answers(task, load_candidate, replay))
         return
     scheme = load_candidate(task.scheme, task.claims, task.problems, task.twin)

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 from sepv._arguments import optional
 from sepv._version import __version__
 from sepv.errors import ClusterFailure, UsageError
-from sepv.workers._pool import TASKS_PER_WORKER, Futures, Outcome, cannot_travel
+from sepv.workers._pool import TASKS_PER_WORKER, Futures, TaskOutcome, cannot_travel
 
 # Dask's retries of a chunk that raised. After them, the chunk runs once in this process, which
 # shows the error.
@@ -41,12 +41,13 @@ NO_WORKER = 120.0
 FETCH_SECONDS = 60.0
 # Seconds between two checks of the cluster while nothing arrives.
 LOOK_SECONDS = 1.0
-# A chunk is overdue if it takes longer than LATE rounds of the longest chunk so far; a round is
-# that of the TASKS_PER_WORKER chunks in a thread's queue, and this one. It goes to another worker
-# only if its own has sent no sign of life (Dask's workers send one in a few seconds at most) for
-# SILENT seconds: a chunk that is merely long is let alone. Without another worker, or a chunk to
-# compare with, the silence must last FROZEN seconds, after which Dask gives a worker up.
-LATE, SILENT, FROZEN = 2.0, 20.0, 300.0
+# A chunk is overdue if it takes longer than LATE_ROUNDS rounds of the longest chunk so far; a round
+# is that of the TASKS_PER_WORKER chunks in a thread's queue, and this one. It goes to another
+# worker only if its own has sent no sign of life (Dask's workers send one in a few seconds at most)
+# for SILENT_SECONDS seconds: a chunk that is merely long is let alone. Without another worker, or a
+# chunk to compare with, the silence must last FROZEN_SECONDS seconds, after which Dask gives a
+# worker up.
+LATE_ROUNDS, SILENT_SECONDS, FROZEN_SECONDS = 2.0, 20.0, 300.0
 # The number of times that a chunk is sent to another worker.
 RESENDS = 2
 
@@ -193,7 +194,7 @@ class DaskCrew(Futures):
         """
         keys, awake = (
             [f"{self.name}-{number}" for number, _ in numbered],
-            sorted(self.heard.keys() - self._silent(SILENT)),
+            sorted(self.heard.keys() - self._silent(SILENT_SECONDS)),
         )
         where = {"workers": awake, "allow_other_workers": True} if 0 < len(awake) < len(self.heard) else {}
         try:
@@ -208,11 +209,11 @@ class DaskCrew(Futures):
             self.tasks[number], self.sent[number] = task, [time.monotonic()]
             self.watch(number, future)
 
-    def finished(self) -> list[Outcome]:
+    def finished(self) -> list[TaskOutcome]:
         """Wait for at least one outcome, and return all that arrived;
         raise ClusterFailure if the cluster is lost.
         """
-        outcomes: list[Outcome] = []
+        outcomes: list[TaskOutcome] = []
         while not outcomes:
             try:
                 done = [self.done.get(timeout=LOOK_SECONDS)]
@@ -242,7 +243,7 @@ class DaskCrew(Futures):
             waiting.cancel()
             return {}
 
-    def _outcomes(self, number: int, fetched: dict[int, Any]) -> list[Outcome]:
+    def _outcomes(self, number: int, fetched: dict[int, Any]) -> list[TaskOutcome]:
         """A list with a finished task's outcome, from `fetched` or its worker;
         empty if the task is awaited again.
         """
@@ -256,7 +257,7 @@ class DaskCrew(Futures):
         if future.status == "error":
             error = future.exception(timeout=CONNECT_SECONDS)
             if isinstance(error, TaskRaised):
-                return [Outcome(number, False, error)]
+                return [TaskOutcome(number, False, error)]
             if isinstance(error, KilledWorker):
                 raise ClusterFailure(
                     f"Chunk {number} was computed on {error.allowed_failures + 1} workers, and each of them died.",
@@ -289,7 +290,7 @@ class DaskCrew(Futures):
             )
         self.longest = max(self.longest, result.seconds)
         del self.tasks[number], self.sent[number]
-        return [Outcome(number, True, result.result)]
+        return [TaskOutcome(number, True, result.result)]
 
     def cancel(self) -> None:
         """Cancel unfinished tasks, unless the client is closed or has lost the cluster."""
@@ -353,25 +354,27 @@ class DaskCrew(Futures):
 
     def _relieve(self) -> None:
         """Send overdue chunks of silent workers elsewhere."""
-        silent, frozen = self._silent(SILENT), self._silent(FROZEN)
+        silent, frozen = self._silent(SILENT_SECONDS), self._silent(FROZEN_SECONDS)
         late = (
-            LATE * (TASKS_PER_WORKER + 1) * self.longest
+            LATE_ROUNDS * (TASKS_PER_WORKER + 1) * self.longest
             if self.longest and len(self.heard) > len(silent)
-            else FROZEN
+            else FROZEN_SECONDS
         )
         overdue = (
-            [n for n in self.running if self.looked - self.sent[n][-1] > max(late, SILENT)] if silent else []
+            [n for n in self.running if self.looked - self.sent[n][-1] > max(late, SILENT_SECONDS)]
+            if silent
+            else []
         )
         for number in overdue:
             holders = self._holders(self.running[number].key)
-            if holders and holders <= (silent if late < FROZEN else frozen):
+            if holders and holders <= (silent if late < FROZEN_SECONDS else frozen):
                 self._resend(number, self.running[number], holders)
 
     def _resend(self, number: int, future: Any, holders: set[str]) -> None:
         """Compute a chunk on workers other than `holders`, from which no result comes;
         its old future is forgotten.
         """
-        others = sorted(set(self.heard) - holders - self._silent(SILENT))
+        others = sorted(set(self.heard) - holders - self._silent(SILENT_SECONDS))
         if len(self.sent[number]) > RESENDS or not others:
             names, count = ", ".join(sorted(holders)) or "a worker", len(self.sent[number])
             raise ClusterFailure(

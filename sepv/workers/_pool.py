@@ -28,7 +28,7 @@ TASKS_PER_WORKER = 4
 ASSUMED_WORKERS = 16
 
 
-class Outcome(NamedTuple):
+class TaskOutcome(NamedTuple):
     """The outcome of a numbered task: its result if it is `ok`, else the reason for its failure."""
 
     number: int
@@ -88,7 +88,7 @@ class Futures:
         self.running[number] = future
         future.add_done_callback(lambda done: self.done.put((number, done)))
 
-    def finished(self) -> list[Outcome]:
+    def finished(self) -> list[TaskOutcome]:
         """Wait for at least one outcome, and return all outcomes that have arrived."""
         numbers = [self.done.get()[0]]
         while not self.done.empty():
@@ -97,7 +97,7 @@ class Futures:
         for number in numbers:
             future = self.running.pop(number)
             error = "cancelled" if future.cancelled() else future.exception()
-            outcomes.append(Outcome(number, error is None, future.result() if error is None else error))
+            outcomes.append(TaskOutcome(number, error is None, future.result() if error is None else error))
         return outcomes
 
     def cancel(self) -> None:

@@ -23,7 +23,7 @@ from doors import blocks as blocks_in
 
 from benchmarks import law_pages
 from sepv.commands._cli import main
-from sepv.peers.peer import GROUP
+from sepv.peers.peer import ENTRY_POINTS
 
 RUN = (
     "samplers", "rigid-bodies", "vortices", "maintainers", "ten-minutes", "teeth", "choosing", "ci", "adapting",
@@ -130,7 +130,7 @@ def run_blocks(page: str, reader: Reader) -> int:
             if points is None:
                 check_pyproject(body, reader)
             else:
-                assert set(points) == {GROUP}
+                assert set(points) == {ENTRY_POINTS}
         elif kind == "text" and page not in SHOWN_ELSEWHERE:
             there = {shape(line) for line in printed.splitlines()}
             missing = [line for line in body.splitlines() if line != "…" and shape(line) not in there]
@@ -257,8 +257,8 @@ def test_pages_of_laws_have_the_data_of_their_records_and_all_parts() -> None:
     for law in laws:
         shown = law_pages.page_of(law).read_text(encoding="utf-8")
         assert shown == law_pages.page(law, shown), "python -m benchmarks.law_pages"
-        parts = re.findall(rf"^\*\*({'|'.join(law_pages.PARTS)})\b", shown, re.MULTILINE)
-        assert parts == [p for p in law_pages.PARTS if p in parts or p not in law_pages.OPTIONAL]
+        parts = re.findall(rf"^\*\*({'|'.join(law_pages.PAGE_PARTS)})\b", shown, re.MULTILINE)
+        assert parts == [p for p in law_pages.PAGE_PARTS if p in parts or p not in law_pages.OPTIONAL]
     listed = re.findall(r"^- \[([\w-]+)\]\(laws/\1\.md\): \S", doc("laws.md"), re.MULTILINE)
     assert sorted(listed) == sorted(law.name for law in laws)
 

@@ -14,7 +14,7 @@ from sepv.reference.balls import from_mpf, precision
 from sepv.reference.elliptic import closed_form
 from sepv.reference.flow import FlowNotReached, enclosed, taylor
 from sepv.reference.problem import exact_problem
-from sepv.reference.series import Series, series_over
+from sepv.reference.series import PowerSeries, series_over
 
 import sepv
 from sepv import exact_flow, problems
@@ -304,7 +304,7 @@ def test_flows_compose() -> None:
 
 def test_series_of_functions_are_their_taylor_series() -> None:
     ctx, arithmetic = context(40), series_over(decimal(40))
-    x = Series(ctx.fdot, lambda k: ctx.mpf(k == 1), [ctx.mpf("0.5")])
+    x = PowerSeries(ctx.fdot, lambda k: ctx.mpf(k == 1), [ctx.mpf("0.5")])
     for f, g in (
         (arithmetic.sin, ctx.sin),
         (arithmetic.cos, ctx.cos),

@@ -114,9 +114,9 @@ MISBEHAVIOUR = {
     "forgets a component": ("hello(); say(id=read()['id'], y_next=[['0x1p+0']])", errors.WrongShape, "2 numbers"),
     "forgets the outer list":
         ("hello(); say(id=read()['id'], y_next=['0x1p+0', '0x1p+0'])", errors.WrongShape, "1 states"),
-    "answers nan": ("hello(); say(id=read()['id'], y_next=[['nan', '0x1p+0']])", errors.NotFinite, "nan"),
-    "answers -inf": ("hello(); say(id=read()['id'], y_next=[['-inf', '0x1p+0']])", errors.NotFinite, "-inf"),
-    "overflows": ("hello(); say(id=read()['id'], y_next=[['0x1p+0', '0x1p+1024']])", errors.NotFinite, "1024"),
+    "answers nan": ("hello(); say(id=read()['id'], y_next=[['nan', '0x1p+0']])", errors.NotFiniteAnswer, "nan"),
+    "answers -inf": ("hello(); say(id=read()['id'], y_next=[['-inf', '0x1p+0']])", errors.NotFiniteAnswer, "-inf"),
+    "overflows": ("hello(); say(id=read()['id'], y_next=[['0x1p+0', '0x1p+1024']])", errors.NotFiniteAnswer, "1024"),
     "refuses": ("hello(); say(id=read()['id'], error='no \\x1b[31m root')", errors.StepRefused, r"\x1b[31m root"),
     "skips": ("hello(); say(id=read()['id'], skip='only d = 3')", Skipped, "only d = 3"),
     "takes other problems": ("hello(problems=['rigid-body']); read()", Skipped, "does not name"),
@@ -257,7 +257,7 @@ def test_a_program_that_cannot_be_started_is_named(tmp_path, command):
 
 
 def test_wrong_shapes_and_nan_are_faults_of_the_scheme_and_all_else_is_not():
-    for kind in (errors.WrongShape, errors.NotFinite):
+    for kind in (errors.WrongShape, errors.NotFiniteAnswer):
         assert issubclass(kind, SchemeFault)
     for kind in errors.ProgramError.__subclasses__():
         assert not issubclass(kind, SchemeFault)

@@ -99,9 +99,9 @@ def test_each_saboteur_claims_what_the_scheme_claims(name: str) -> None:
     if saboteur.scheme.increments is not None:
         right = weakly(by_name("modified-weak-2"), "three-point")
     elif saboteur.family == "historical":
-        right = historical.RIGHT[name]
+        right = historical.RIGHT_METHODS[name]
     elif saboteur.family == "stated":
-        right = stated.RIGHT[name]
+        right = stated.RIGHT_OF_STATED[name]
     elif saboteur.family == "twins":
         assert saboteur.scheme.twin is not None
         right = saboteur.scheme.twin.scheme
@@ -209,7 +209,7 @@ def test_both_counts_are_printed_without_and_with_known_witnesses() -> None:
 
 
 PAGE = doc("real-faults.md")
-NAMES = [s.name for s in historical.SABOTEURS]
+NAMES = [s.name for s in historical.FAMILY]
 
 
 @pytest.mark.parametrize("seeds", [range(3), pytest.param(range(3, 10), marks=pytest.mark.deep)], ids=str)
@@ -232,10 +232,12 @@ def test_each_names_its_thread(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "scheme", {s.name: s for s in historical.RIGHT.values()}.values(), ids=lambda s: s.name
+    "scheme", {s.name: s for s in historical.RIGHT_METHODS.values()}.values(), ids=lambda s: s.name
 )
 def test_the_method_without_the_fault_keeps_the_laws_that_the_faults_break(scheme) -> None:
-    laws = {law for s in historical.SABOTEURS if historical.RIGHT[s.name] is scheme for law in s.caught_by}
+    laws = {
+        law for s in historical.FAMILY if historical.RIGHT_METHODS[s.name] is scheme for law in s.caught_by
+    }
     asked = [law for law in laws if law in scheme.claims]
     report = verify(scheme, laws=asked, effort=Effort(examples=5, paths=4096, shrink_checks=0))
     assert asked
@@ -250,6 +252,6 @@ def test_with_one_noise_and_one_law_the_faults_of_several_noises_do_not_show() -
         "friction-inverted", "variance-for-deviation", "noises-crossed", "cross-terms-dropped",
         "as-many-noises-as-components",
     ):  # fmt: skip
-        right = historical.RIGHT[name].step(problem, y, 0.125, dW)
+        right = historical.RIGHT_METHODS[name].step(problem, y, 0.125, dW)
         wrong = SABOTEURS[name].scheme.step(problem, y, 0.125, dW)
         np.testing.assert_allclose(wrong, right, rtol=0, atol=1e-15)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import sepv
-from benchmarks.right_schemes import RIGHT
+from benchmarks.right_schemes import RIGHT_SCHEMES
 from sepv import problems
 from sepv.faults.saboteurs import SABOTEURS
 from sepv.law.along_paths import CASIMIR, ENERGY, taken, watching
@@ -65,6 +65,8 @@ def test_the_step_with_the_largest_change_is_kept_for_each_law_problem_and_size(
     assert pickle.loads(pickle.dumps(kept)) == kept
 
 
-@pytest.mark.parametrize("scheme", [RIGHT["compensated"], RIGHT["reversible-heun"]], ids=lambda s: s.name)
+@pytest.mark.parametrize(
+    "scheme", [RIGHT_SCHEMES["compensated"], RIGHT_SCHEMES["reversible-heun"]], ids=lambda s: s.name
+)
 def test_steps_of_a_scheme_with_memory_are_no_cases(scheme: Scheme) -> None:
     assert watching(Run(Effort()), scheme) is None

@@ -12,8 +12,8 @@ from sepv.properties._orders.without_noise import path_errors
 
 import sepv
 from benchmarks.law_pages import middles
-from benchmarks.right_schemes import RIGHT
-from benchmarks.right_schemes.with_memory import SCHEMES
+from benchmarks.right_schemes import RIGHT_SCHEMES
+from benchmarks.right_schemes.with_memory import SCHEMES_WITH_MEMORY
 from sepv import Scheme, StatefulStep, problems, schemes
 from sepv.faults.saboteurs import SABOTEURS
 from sepv.law.middle import STEPS_BEFORE, anywhere
@@ -40,7 +40,7 @@ def test_the_growth_of_residuals_over_the_steps_of_a_path_is_bounded() -> None:
 
 
 def test_several_steps_as_one_and_a_resumed_step_are_those_of_a_path() -> None:
-    scheme, problem = RIGHT["reversible-heun"], problems.rigid_body()
+    scheme, problem = RIGHT_SCHEMES["reversible-heun"], problems.rigid_body()
     h, dW = 0.25, np.array([0.5])
     path = sepv.integrate(scheme, problem, h=h / 4, steps=4, dW=np.repeat(dW[None] / 4, 4, axis=0)).y
     np.testing.assert_array_equal(several(scheme, 4).step(problem, path[:, 0], h, dW), path[:, 4])
@@ -62,21 +62,21 @@ def test_a_step_in_the_middle_stays_in_the_ball_of_the_case(middle: Middle) -> N
         return Measurement(0.0, 1.0)
 
     case = Case(problems.rigid_body().data, (0.8, 0.6, 0.0), 0.5, (0.25,), after=7)
-    anywhere(middle, check)(RIGHT["compensated"], case)
+    anywhere(middle, check)(RIGHT_SCHEMES["compensated"], case)
     assert len(seen) == (8 if middle is Middle.STEPS else 1)
     assert sum(c.h for c in seen) == 0.5
     assert sum(abs(c.dW[0]) for c in seen) <= 0.25
     assert not any(c.after for c in seen)
 
 
-OF_PATHS = [s.name for s in SCHEMES if s.order]
+OF_PATHS = [s.name for s in SCHEMES_WITH_MEMORY if s.order]
 # One of each kind: two steps, a force that is kept, paths as a whole.
 EVERY_RUN = ("explicit-midpoint", "stored-force", "adams-bashforth-2-by-paths")
 
 
 @pytest.mark.parametrize("name", but_deep(OF_PATHS, *(name for name in OF_PATHS if name not in EVERY_RUN)))
 def test_orders_of_methods_with_memory_are_those_at_a_fixed_time(name: str) -> None:
-    scheme = next(s for s in SCHEMES if s.name == name)
+    scheme = next(s for s in SCHEMES_WITH_MEMORY if s.name == name)
     found = says(
         scheme, ORDER, "holds", "order 2: the error of a path, divided by its number of steps, is h^3.00"
     )
@@ -87,10 +87,10 @@ def test_orders_of_methods_with_memory_are_those_at_a_fixed_time(name: str) -> N
 
 
 def test_the_error_of_two_steps_started_by_euler_falls_by_four_and_that_of_its_first_step_too() -> None:
-    errors = path_errors(RIGHT["adams-bashforth-2"], problems.rigid_body(noise=()))
+    errors = path_errors(RIGHT_SCHEMES["adams-bashforth-2"], problems.rigid_body(noise=()))
     at_the_end = errors.errors * 2.0 ** np.arange(10)
     np.testing.assert_allclose(at_the_end[:, 7] / at_the_end[:, 8], 4, rtol=0.05)
-    assert verdicts(RIGHT["adams-bashforth-2"], "local-mean") == {"local-mean": "not applicable"}
+    assert verdicts(RIGHT_SCHEMES["adams-bashforth-2"], "local-mean") == {"local-mean": "not applicable"}
 
 
 @pytest.mark.parametrize(
@@ -101,8 +101,8 @@ def test_the_error_of_two_steps_started_by_euler_falls_by_four_and_that_of_its_f
     ),
 )  # fmt: skip
 def test_what_methods_with_memory_claim_holds(name: str) -> None:
-    laws = RIGHT[name].claims - {"long-time-energy", "reproducibility"} | {"contract"}
-    found = measured(RIGHT[name], sorted(laws), examples=1)
+    laws = RIGHT_SCHEMES[name].claims - {"long-time-energy", "reproducibility"} | {"contract"}
+    found = measured(RIGHT_SCHEMES[name], sorted(laws), examples=1)
     assert {f.law: f.verdict.text for f in found.findings} == dict.fromkeys(laws, "holds"), found.findings
 
 
@@ -116,7 +116,7 @@ def test_a_violation_in_the_middle_names_the_step_and_is_replayed() -> None:
     assert (again.verdict, again.defect) == (found.verdict, found.defect)
     assert "step 5 of a path" in again.message
     # The right scheme passes the same case, with a state and without one.
-    for right in (RIGHT["compensated"], energy_preserving):
+    for right in (RIGHT_SCHEMES["compensated"], energy_preserving):
         assert replay(right, "casimir", found.witness).verdict.text == "holds"
 
 
@@ -147,9 +147,9 @@ def test_init_gets_the_step_size_if_it_has_a_third_argument() -> None:
 
 
 def two_steps(reverse: Any) -> Scheme:
-    rule = RIGHT["explicit-midpoint"].step
+    rule = RIGHT_SCHEMES["explicit-midpoint"].step
     assert isinstance(rule, StatefulStep)
-    return replace(RIGHT["explicit-midpoint"], step=replace(rule, reverse=reverse))
+    return replace(RIGHT_SCHEMES["explicit-midpoint"], step=replace(rule, reverse=reverse))
 
 
 def test_a_path_goes_back_by_the_reversed_state_alone() -> None:
@@ -171,10 +171,10 @@ REMEMBERS = "a path depends on more than y: StatefulStep(…, reverse=…) says 
         # It stands still after its first step, and returns from nowhere but from rest.
         (SABOTEURS["midpoint-once"].scheme, SYMMETRY),
         # A fifth to a quarter of the cases are at rest or have tiny steps, and showed a return.
-        (replace(RIGHT["reversible-heun"], systems="mechanical"), SYMMETRY),
-        (RIGHT["reversible-heun"], "reversibility"),
+        (replace(RIGHT_SCHEMES["reversible-heun"], systems="mechanical"), SYMMETRY),
+        (RIGHT_SCHEMES["reversible-heun"], "reversibility"),
         # Roundings hid its memory where y is large and H small: it was accused there.
-        (RIGHT["adams-bashforth-2-started-back"], SYMMETRY),
+        (RIGHT_SCHEMES["adams-bashforth-2-started-back"], SYMMETRY),
     ],
 )
 def test_one_case_with_a_memory_tells_that_no_case_shows_how_a_path_goes_back(
@@ -185,11 +185,11 @@ def test_one_case_with_a_memory_tells_that_no_case_shows_how_a_path_goes_back(
 
 
 def test_a_memory_that_only_a_case_shows_is_told_at_its_replay_too() -> None:
-    euler = replace(RIGHT["adams-bashforth-2-started-back"], step=schemes.by_name("euler-heun").step)
+    euler = replace(RIGHT_SCHEMES["adams-bashforth-2-started-back"], step=schemes.by_name("euler-heun").step)
     wrong = finding(euler, SYMMETRY, **LEAST)
     assert wrong.witness is not None
     assert wrong.verdict.text == "violated"
-    again = replay(RIGHT["adams-bashforth-2-started-back"], SYMMETRY, wrong.witness)
+    again = replay(RIGHT_SCHEMES["adams-bashforth-2-started-back"], SYMMETRY, wrong.witness)
     assert (again.verdict.text, again.message) == ("not applicable", REMEMBERS)
 
 
@@ -206,7 +206,7 @@ def test_a_path_without_memory_that_does_not_return_is_a_violation() -> None:
 
 def test_a_stored_force_goes_back_without_a_reversed_state_and_a_late_one_does_not() -> None:
     laws = f"{SYMMETRY},reversibility"
-    assert set(verdicts(RIGHT["stored-force"], laws, **LEAST).values()) == {"holds"}
+    assert set(verdicts(RIGHT_SCHEMES["stored-force"], laws, **LEAST).values()) == {"holds"}
     late = SABOTEURS["late-force"].scheme
     assert set(verdicts(late, laws, **LEAST).values()) == {"violated"}
 

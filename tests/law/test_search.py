@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from sepv.reference.vector import digest
 
 from benchmarks import witnesses as maker
-from benchmarks.power import FAULTS, Fault, measured, power
-from benchmarks.right_schemes import RIGHT
+from benchmarks.power import POWER_FAULTS, FaultOfLaw, measured, power
+from benchmarks.right_schemes import RIGHT_SCHEMES
 from sepv import Scheme, problems, schemes
 from sepv.faults import detection as fault_detection
 from sepv.faults.saboteurs import SABOTEURS
@@ -127,11 +127,11 @@ def test_skipped_cases_are_counted_by_their_reason() -> None:
 # Of the subtler faults, those that err by a power of the step: their cases have to be made for
 # them.
 BROKEN = ("one-point-quadrature", "b-at-y0", "(2.1)")
-SUBTLE = [f for f in FAULTS if f.broken in BROKEN and f.law != "reference"]
+SUBTLE = [f for f in POWER_FAULTS if f.broken in BROKEN and f.law != "reference"]
 
 
 @pytest.mark.parametrize("fault", SUBTLE, ids=lambda f: f"{f.systems}-{f.law}-{f.broken}")
-def test_a_fault_of_a_pair_of_strata_is_found_in_that_pair(fault: Fault) -> None:
+def test_a_fault_of_a_pair_of_strata_is_found_in_that_pair(fault: FaultOfLaw) -> None:
     strata, of_strata, pairs, of_pairs, missed = power(fault, measured(fault, 29))
     assert strata == of_strata
     # H = (y1 y3)^n is kept by one node too: a case of a few hundred pairs in several hundred may be
@@ -212,7 +212,7 @@ def test_a_right_scheme_may_refuse_what_is_far_beyond_a_step(name: str) -> None:
     for law in ("reference", "energy"):
         (asked,) = load_laws([law])
         for witness in corpus.witnesses(law, Systems.SINGLE):
-            finding = asked.replay(asked, RIGHT[name], to_json(witness.case))
+            finding = asked.replay(asked, RIGHT_SCHEMES[name], to_json(witness.case))
             assert finding.verdict in (Verdict.HOLDS, Verdict.NOT_APPLICABLE), (witness.id, finding.message)
 
 

@@ -36,7 +36,7 @@ from sepv.law.cases.strata import EXTREME_SIZES, NEAR, STILL, UNDONE, UNEVEN, Le
 from sepv.law.contraction import contraction_radius
 from sepv.law.search import MOST_SKIPPED
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, Systems, mechanics, vector_field
-from sepv.problems.shown_to_schemes import GIVEN, shown
+from sepv.problems.shown_to_schemes import WORDS_OF_VIEWS, shown
 from sepv.schemes import Scheme, ask, energy_preserving, milstein
 from sepv.verification import Case, Cases, Effort, Verdict, load_laws, replay, step_residual, verify
 from sepv.verification import _coverage as coverage
@@ -186,7 +186,7 @@ def test_a_scheme_sees_the_problem_as_it_is_given() -> None:
         seen.append(problem)
         return y
 
-    for given in GIVEN:
+    for given in WORDS_OF_VIEWS:
         ask(
             Scheme("looks", step),
             *Case(NamedProblem("rigid-body"), (1.0, 0.0, 0.0), 0.1, (0.0,), given).build(),
@@ -254,7 +254,7 @@ def test_a_fault_of_each_factor_is_shown_in_a_small_case(factor, listed, monkeyp
 
 
 def test_simplifying_ends_after_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(search, "MOST_SECONDS", 0.0)
+    monkeypatch.setattr(search, "SIMPLIFY_MAX_SECONDS", 0.0)
     ended = doors.finding("milstein", "casimir", corpus=False)
     as_found = doors.finding("milstein", "casimir", corpus=False, shrink_checks=0)
     assert (ended.witness, ended.checks) == (as_found.witness, as_found.checks)

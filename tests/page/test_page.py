@@ -46,7 +46,7 @@ from sepv.page._verdicts import _scale
 from sepv.page._views import priced, step_size
 from sepv.pictures import Axis, Series, looks
 from sepv.schemes import EXTENSIONS, PAPER, Look
-from sepv.verification._course import FINER, STEPS, course, with_courses
+from sepv.verification._course import COURSE_STEPS, EXACT_POINTS_PER_STEP, course, with_courses
 
 
 @pytest.mark.parametrize("page", [hostile_page, hostile_report, empty_page], ids=["hostile", "one", "empty"])
@@ -350,8 +350,8 @@ def test_a_course_begins_with_the_counterexample_beside_the_exact_solution(repor
     assert law["law"] == "energy"
     assert fault(with_courses(report), schema("report")) == ""
     found, case = law["course"], sepv.verification.Case
-    assert [len(c) for c in found["states"]] == [STEPS + 1] * 2
-    assert [len(c) for c in found["exact"]] == [FINER * STEPS + 1] * 2
+    assert [len(c) for c in found["states"]] == [COURSE_STEPS + 1] * 2
+    assert [len(c) for c in found["exact"]] == [EXACT_POINTS_PER_STEP * COURSE_STEPS + 1] * 2
     witness, message = report.finding("energy").witness, report.finding("energy").message
     assert witness is not None
     from sepv.law.cases.case import from_json
@@ -365,7 +365,7 @@ def test_a_course_begins_with_the_counterexample_beside_the_exact_solution(repor
     assert moved is not None
     n, drift = int(moved[1]), found["drift"]
     assert drift[n] - drift[n - 1] == pytest.approx(float(moved[2]), rel=1e-3)
-    theta = float(problem.random_step(h, dW)) * STEPS
+    theta = float(problem.random_step(h, dW)) * COURSE_STEPS
     end = exact_flow(problem, [theta], y).y[one, 0]
     assert [c[-1] for c in found["exact"]] == pytest.approx(end, rel=1e-4)
 
@@ -416,7 +416,7 @@ def test_a_course_ends_where_the_scheme_does(report: sepv.Report) -> None:
 
     found = _on_energy(raises_later, report)
     assert "RuntimeError: too far" in found["ended"]
-    assert 2 < len(found["drift"]) <= STEPS
+    assert 2 < len(found["drift"]) <= COURSE_STEPS
     assert _on_energy(lambda problem, y, h, dW: 7 * y, report)["ended"] == "it runs away"
     assert _on_energy(lambda problem, y, h, dW: y, report) == {}  # nothing moves: no picture
     law = with_courses(replace(report, scheme=sepv.Scheme("own", lambda problem, y, h, dW: y)))["laws"][0]
@@ -442,10 +442,10 @@ def test_courses_take_no_longer_than_their_time(report: sepv.Report, monkeypatch
         return 1.01 * y
 
     slow = replace(report, scheme=sepv.Scheme("slow", sleeps))
-    monkeypatch.setattr("sepv.verification._course.SECONDS", 0.9)
+    monkeypatch.setattr("sepv.verification._course.COURSES_MAX_SECONDS", 0.9)
     (found,) = (law["course"] for law in with_courses(slow)["laws"] if "course" in law)
     assert found["ended"] == "the time for all courses, 0.9 s, was over"
-    assert 2 <= len(found["drift"]) < STEPS
+    assert 2 <= len(found["drift"]) < COURSE_STEPS
     assert not any("course" in law for law in with_courses(replace(slow, interrupted=True))["laws"])
 
 

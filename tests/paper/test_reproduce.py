@@ -29,7 +29,7 @@ from sepv.paper import (
     runs,
 )
 from sepv.paper.errata import ENTRIES, Erratum, Evidence
-from sepv.paper.record import HEIGHT, OURS, STATED, Size, draw, rms_points
+from sepv.paper.record import FIGURE_HEIGHT, OURS, STATED, Size, draw, rms_points
 from sepv.paper.suite import Reproduction, reproduce
 from sepv.paper.suite import _run as run_jobs
 from sepv.pictures import Axis, draw_curves, figure, looks, looks_of
@@ -144,13 +144,16 @@ def test_a_run_ends_where_its_sample_leaves_the_domain() -> None:
 
 
 def test_settings_are_the_papers() -> None:
-    first = figures_4_1_and_4_2
-    assert (first.STEPS, first.H, first.ORDER.T, first.ORDER.samples) == (10**5, 0.01, 5.0, 5000)
-    assert (figure_4_3.STEPS, figure_4_3.H, figure_4_3.ORDER.T) == (300, 0.01, 1.0)
-    assert (figures_4_4_and_4_5.STEPS * figures_4_4_and_4_5.H, figures_4_4_and_4_5.H) == (500.0, 2.0**-6)
-    assert (figures_4_4_and_4_5.ORDER.T, figures_4_4_and_4_5.ORDER.samples) == (2.0, 1000)
-    assert figures_4_4_and_4_5.FINE_REFERENCE.T / figures_4_4_and_4_5.FINE_REFERENCE.steps[-1] == 2.0**-12
-    assert (figure_4_6.STEPS * figure_4_6.H, figure_4_6.H) == (5.0, 2.0**-8)
+    first, order = figures_4_1_and_4_2.OSCILLATOR_RUNS, figures_4_1_and_4_2.OSCILLATOR_ORDER
+    assert (first.steps, first.h, order.T, order.samples) == (10**5, 0.01, 5.0, 5000)
+    body = figure_4_3.BODY_RUNS
+    assert (body.steps, body.h, figure_4_3.BODY_ORDER.T) == (300, 0.01, 1.0)
+    pendulum = figures_4_4_and_4_5.PENDULUM_RUNS
+    assert (pendulum.steps * pendulum.h, pendulum.h) == (500.0, 2.0**-6)
+    assert (figures_4_4_and_4_5.PENDULUM_ORDER.T, figures_4_4_and_4_5.PENDULUM_ORDER.samples) == (2.0, 1000)
+    assert figures_4_4_and_4_5.PENDULUM_FINE.T / figures_4_4_and_4_5.PENDULUM_FINE.steps[-1] == 2.0**-12
+    lotka = figure_4_6.LOTKA_VOLTERRA_RUNS
+    assert (lotka.steps * lotka.h, lotka.h) == (5.0, 2.0**-8)
 
 
 def test_figures_are_the_same_files_for_the_same_numbers(rigid: Reproduction, tmp_path: Path) -> None:
@@ -174,15 +177,15 @@ def test_a_legend_of_long_labels_has_one_column_and_makes_the_figure_higher(
         svg, _, _ = draw(replace(panel, series=named), tmp_path)
         height = re.search(r'<svg [^>]*height="([\d.]+)pt"', svg.read_text())
         assert height is not None
-        assert float(height[1]) == pytest.approx(72 * (HEIGHT + 0.14 * max(0, rows - 3)), abs=0.01)
+        assert float(height[1]) == pytest.approx(72 * (FIGURE_HEIGHT + 0.14 * max(0, rows - 3)), abs=0.01)
 
 
 def test_curves_have_one_order_in_all_legends_and_no_two_look_alike(rigid: Reproduction) -> None:
     errors = strong_errors_of(rows=3)
     fine = order.fine_panel(
-        replace(figure_4_3.ORDER, steps=(8, 16, 32), schemes=("midpoint", "milstein")),
-        {(figure_4_3.ORDER.figure, "fine", name): errors for name in ("midpoint", "milstein")}
-        | {(figure_4_3.ORDER.figure, "fine", "truncated"): [0, 0, 0]},
+        replace(figure_4_3.BODY_ORDER, steps=(8, 16, 32), schemes=("midpoint", "milstein")),
+        {(figure_4_3.BODY_ORDER.figure, "fine", name): errors for name in ("midpoint", "milstein")}
+        | {(figure_4_3.BODY_ORDER.figure, "fine", "truncated"): [0, 0, 0]},
     )
     for panel in (*rigid.panels, fine):
         names = [s.scheme for s in panel.series]
@@ -245,11 +248,11 @@ def test_verdicts_exclude_each_other_and_leave_room_between() -> None:
     assert set(undecided) == {"open"}
 
 
-def _walking(T: float, kind: str, seed: int) -> runs.Run:
+def _walking(T: float, kind: str, seed: int) -> runs.SampledRun:
     """32 samples whose energy error is a random walk, or bounded:
     an oscillation of random amplitude and phase.
     """
-    rng, h, samples = np.random.default_rng(seed), figures_4_4_and_4_5.H, 32
+    rng, h, samples = np.random.default_rng(seed), figures_4_4_and_4_5.PENDULUM_RUNS.h, 32
     steps = round(T / h)
     checkpoints = np.array([*(2**i for i in range(steps.bit_length()) if 2**i < steps), steps])
     if kind == "walk":
@@ -261,7 +264,7 @@ def _walking(T: float, kind: str, seed: int) -> runs.Run:
         error = size * (np.cos(phase + checkpoints[:, None] * h) - np.cos(phase))
     start, none = -0.520014, np.empty(0)
     energies: tuple = (np.array([start]), none, checkpoints, start + error)
-    return runs.Run("midpoint", "pendulum", h, none, none, none, *energies, stopped=-1)
+    return runs.SampledRun("midpoint", "pendulum", h, none, none, none, *energies, stopped=-1)
 
 
 def test_a_short_run_does_not_say_whether_the_energy_walks() -> None:

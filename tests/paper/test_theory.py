@@ -27,7 +27,7 @@ SOURCES = {"§2", "Lemma 3.2", "(3.2)", "(3.5)", "(3.6)", "after (3.5)", "(3.8)"
 @pytest.mark.parametrize("section", [deterministic, lemma, local], ids=lambda m: m.__name__.split(".")[-1])
 def test_statements_that_need_no_sampling_hold(section) -> None:
     results = {job.key: job.function(**job.arguments) for job in section.jobs(None)}
-    statements = [s for panel in section.PANELS["theory"](results) for s in panel.statements]
+    statements = [s for panel in section.panels(results) for s in panel.statements]
     assert statements
     assert {s.source for s in statements} <= SOURCES
     assert not [s.measured for s in statements if s.verdict != "holds"]
@@ -36,12 +36,14 @@ def test_statements_that_need_no_sampling_hold(section) -> None:
 def test_a_wrong_coefficient_shows(monkeypatch: pytest.MonkeyPatch) -> None:
     right = lemma.coefficients
     monkeypatch.setattr(lemma, "coefficients", lambda problem, y: [1.01 * c for c in right(problem, y)])
-    panel = lemma.panels({("theory", "lemma", name): lemma.measured(name) for name in lemma.NAMES})[0]
+    panel = lemma.panels({("theory", "lemma", name): lemma.measured(name) for name in lemma.LEMMA_PROBLEMS})[
+        0
+    ]
     wrong = {
         source: [s.verdict for s in panel.statements if s.source == source]
         for source in ("Lemma 3.2", "(3.5)", "(3.6)")
     }
-    assert wrong["Lemma 3.2"] == wrong["(3.5)"] == ["fails"] * len(lemma.NAMES)
+    assert wrong["Lemma 3.2"] == wrong["(3.5)"] == ["fails"] * len(lemma.LEMMA_PROBLEMS)
     assert wrong["(3.6)"] == ["holds", "fails", "fails"]  # the rigid body's H is quadratic: c = c̃
 
 
@@ -89,7 +91,7 @@ def test_areas_keep_the_energy_whatever_they_are_and_bring_order_one() -> None:
     found = extensions.errors(64, 0)
     panel = extensions._areas(found)
     assert panel.statements[0].verdict == "holds", panel.statements[0].measured
-    problem = problems.by_name(extensions.TOPS)
+    problem = problems.by_name(extensions.TOPS_PROBLEM)
     y = np.array(problem.initial)
     wild = np.array([[0.0, 0.3], [-0.3, 0.0]])
     y1 = step_with_areas(problem, y, 0.1, np.array([0.2, -0.1]), wild)

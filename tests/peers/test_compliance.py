@@ -21,14 +21,14 @@ from benchmarks.peers import compliance, deviations
 from benchmarks.peers import compliance_measurements as measurements
 from benchmarks.peers import one_release as peer
 from benchmarks.peers import records as history
-from benchmarks.peers.deviations import Shown as Script
+from benchmarks.peers.deviations import ScriptResult as Script
 from benchmarks.peers.deviations import _notes
 from benchmarks.peers.environments import VERSIONS
 from benchmarks.peers.releases import main as releases
 from benchmarks.peers.trend import main as trends
 from benchmarks.peers.trend_page import page
 from sepv import Scheme, TargetError, UsageError
-from sepv.console import Shown
+from sepv.console import ShownProgress
 from sepv.peers.peer import Peer, load
 from sepv.verification import Effort, load_laws
 
@@ -217,7 +217,7 @@ def record(version: str, limit: str = "holds", date: str = "2026-01-01", **chang
     return {**made, **changes}
 
 
-def written(folder: Path, *records: dict[str, Any]) -> list[history.Record]:
+def written(folder: Path, *records: dict[str, Any]) -> list[history.ReleaseRecord]:
     for data in records:
         history.add(folder, data)
     return history.load(folder)["sdeint"]
@@ -276,7 +276,7 @@ def test_a_lower_order_is_not_called_another_limit(tmp_path: Path) -> None:
     records = written(tmp_path, record("0.2.4"), slow)
     assert "The error itself falls with h" in page({"sdeint": records})
     slow["solvers"][0]["laws"]["mean-square-order"]["defect"] = 0.01
-    assert "The error itself falls" not in page({"sdeint": [history.Record(tmp_path, slow)]})
+    assert "The error itself falls" not in page({"sdeint": [history.ReleaseRecord(tmp_path, slow)]})
 
 
 def test_a_deviation_that_comes_back_is_not_mended() -> None:
@@ -363,7 +363,7 @@ def test_a_library_that_is_installed_here_is_recorded_as_the_schema_says(tmp_pat
     few = replace(whole, schemes={"strat-heun": whole.schemes["strat-heun"]})
     monkeypatch.setattr(peer, "load", lambda _library: few)
     monkeypatch.setattr(peer, "QUICK_LAWS", ("identity", "noise-sum", "local-mean"))
-    found = peer.record("sdeint", Effort(examples=2, paths=64, shrink_checks=0), None, None, Shown())
+    found = peer.record("sdeint", Effort(examples=2, paths=64, shrink_checks=0), None, None, ShownProgress())
     path = history.add(tmp_path, found)
     (loaded,) = history.load(tmp_path)["sdeint"]
     assert (path.stem, loaded.version) == (sdeint.__version__, sdeint.__version__)

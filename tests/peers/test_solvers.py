@@ -17,7 +17,7 @@ from benchmarks.peers import integrators as page
 from benchmarks.peers import solver_measurements as measurements
 from benchmarks.peers import solvers
 from benchmarks.peers.deviations import _notes
-from benchmarks.peers.solver import KINDS, problem_of
+from benchmarks.peers.solver import NOISE_KINDS, problem_of
 from benchmarks.peers.solver import scheme as scheme_for
 from sepv import Effort, Skipped, TargetError, exact_flow, integrate, problems, verify
 from sepv.peers.peer import Peer, Solver, load, names
@@ -41,7 +41,7 @@ def solver(library: str, name: str) -> Solver:
     return next(each for each in load(library).solvers if each.name == f"{library} {name}")
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", NOISE_KINDS)
 def test_each_kind_has_a_problem_of_its_kind_whose_fields_are_posed(kind: str) -> None:
     problem = problem_of(kind)
     assert column(problem) == kind
@@ -60,9 +60,9 @@ def test_each_kind_has_a_problem_of_its_kind_whose_fields_are_posed(kind: str) -
 )
 def test_a_solver_follows_the_path_of_the_reference(library, name, monkeypatch):
     """Of another path, or of areas of another path, the error would stay."""
-    monkeypatch.setattr(measurements, "STEPS", (4, 32))
-    monkeypatch.setattr(measurements, "PATHS", 64)
-    monkeypatch.setattr(measurements, "SINGLE", 32)
+    monkeypatch.setattr(measurements, "SOLVER_STEPS", (4, 32))
+    monkeypatch.setattr(measurements, "BATCH_PATHS", 64)
+    monkeypatch.setattr(measurements, "SINGLE_PATHS", 32)
     found = measurements._over_paths(solver(library, name), "one", 0)
     assert found["failed"] == 0
     assert found["rms"][1] < found["rms"][0] / 5 < 0.01
@@ -72,7 +72,7 @@ def test_areas_of_the_wrong_sign_are_seen(monkeypatch: pytest.MonkeyPatch) -> No
     asked = solver("torchsde", "log_ode")
     right = measurements._local(asked, "general", Effort())["local-mean-square"]["slope"]
     step = asked.step("general")
-    monkeypatch.setattr(measurements, "LOCAL", ("local-mean-square",))
+    monkeypatch.setattr(measurements, "LOCAL_LAWS", ("local-mean-square",))
     wrong = replace(asked, name="turned", step=lambda _: lambda p, y, h, dW, A: step(p, y, h, dW, -A))
     turned = measurements._local(wrong, "general", Effort())["local-mean-square"]["slope"]
     assert right == pytest.approx(1.5, abs=0.1)
@@ -169,7 +169,7 @@ def test_the_page_is_of_the_solvers_that_are_here() -> None:
             name = each.name.removeprefix(f"{library} ")
             rows = [line.removeprefix("| ").split(" | ") for line in section(page, library).splitlines()]
             (row,) = [row for row in rows if name in row[0].split("; ") and len(row) > 1]
-            cells = {kind: cell.strip(" |†") for kind, cell in zip(KINDS, row[1:], strict=True)}
+            cells = {kind: cell.strip(" |†") for kind, cell in zip(NOISE_KINDS, row[1:], strict=True)}
             assert {kind for kind, cell in cells.items() if cell} == set(each.documented)
             for kind, documented in each.documented.items():
                 for shown, order in zip(cells[kind].split("; "), documented, strict=False):

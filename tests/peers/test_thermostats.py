@@ -7,7 +7,7 @@ import pytest
 
 from sepv.core.arrays import Array
 from sepv.errors import Skipped
-from sepv.peers._integrator import BAOAB, thermostat
+from sepv.peers._integrator import BAOAB_CLAIMS, thermostat
 from sepv.peers.peer import Peer
 from sepv.problem import Mechanics, Problem, friction
 from sepv.problems import henon_heiles, langevin_double_well, langevin_pair
@@ -18,7 +18,7 @@ from sepv.verification import Effort, verify
 def baoab(
     system: Mechanics, rate: float, kT: float, q: Array, p: Array, h: float, xi: Array
 ) -> tuple[Array, Array]:
-    """BAOAB as libraries of particles write it: by kT, masses and normal numbers."""
+    """BAOAB_CLAIMS as libraries of particles write it: by kT, masses and normal numbers."""
     p = p + h / 2 * system.force(q)
     q = q + h / 2 * system.velocity(p)
     c = np.exp(-rate * h)
@@ -37,7 +37,7 @@ def steps(scheme: Scheme, problem: Problem) -> tuple[Array, Array]:
 
 @pytest.mark.parametrize("problem", PROBLEMS)
 def test_a_library_gets_the_normal_numbers_of_the_increments(problem: Problem) -> None:
-    came, expected = steps(thermostat("own", baoab, source="", claims=BAOAB), problem)
+    came, expected = steps(thermostat("own", baoab, source="", claims=BAOAB_CLAIMS), problem)
     np.testing.assert_allclose(came, expected, rtol=0, atol=4e-16)
 
 
@@ -65,7 +65,7 @@ def test_what_a_library_cannot_take_is_left_out() -> None:
 
 
 def test_the_laws_judge_such_a_step_as_baoab() -> None:
-    scheme = thermostat("own", baoab, source="", claims=BAOAB)
+    scheme = thermostat("own", baoab, source="", claims=BAOAB_CLAIMS)
     laws = ("equilibrium", "equilibrium:positions", "local-mean-square", "local-weak")
     found = verify(scheme, laws=laws, effort=Effort(corpus=False)).findings
     assert [finding.verdict.text for finding in found] == ["holds"] * 4

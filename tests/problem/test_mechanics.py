@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sepv.properties._structures import is_poisson
 
-from benchmarks.right_schemes import RIGHT
+from benchmarks.right_schemes import RIGHT_SCHEMES
 from sepv import exact_flow, problems, schemes
 from sepv.core.arrays import EPS
 from sepv.law.cases.case import to_json
@@ -198,7 +198,7 @@ def test_beyond_dimension_three_right_schemes_hold_and_2_1_is_caught() -> None:
     assert {case.problem.dimension for case in fixed} == {4, 5}
     caught = [
         [law.replay(law, scheme, to_json(case)).verdict is Verdict.VIOLATED for case in fixed]
-        for scheme in (RIGHT["exact-flow"], schemes.energy_preserving)
+        for scheme in (RIGHT_SCHEMES["exact-flow"], schemes.energy_preserving)
     ]
     assert not any(caught[0])
     assert sum(caught[1]) >= 10

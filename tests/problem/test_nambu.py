@@ -27,7 +27,7 @@ from sepv.reference.steps import reference_step
 import sepv
 from benchmarks import additive_noise
 from benchmarks.additive_noise import euler_maruyama, implicit_euler
-from benchmarks.right_schemes import RIGHT
+from benchmarks.right_schemes import RIGHT_SCHEMES
 from sepv import Problem, Scheme, problems, schemes
 from sepv.errors import ProblemError, Skipped, SystemsError
 from sepv.problem import (
@@ -210,7 +210,9 @@ def test_means_of_casimirs_grow_at_a_constant_rate(system: PolynomialSystem, see
         assert abs(change[2]) <= 1e-13 * terms[2]
 
 
-@pytest.mark.parametrize("right", [schemes.drift_preserving, RIGHT["pushed-at-once"]], ids=lambda s: s.name)
+@pytest.mark.parametrize(
+    "right", [schemes.drift_preserving, RIGHT_SCHEMES["pushed-at-once"]], ids=lambda s: s.name
+)
 def test_both_means_are_kept_by_a_push_and_a_step_that_keeps_h_and_c(right: Scheme) -> None:
     held = dict.fromkeys((*DRIFT, "identity", "noise-sum"), "holds")
     assert verdicts(right, [*held, "casimir"], **FEW) == held | {"casimir": "not applicable"}

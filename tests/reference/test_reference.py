@@ -19,7 +19,7 @@ from sepv.reference.flow import taylor
 from sepv.reference.problem import exact_problem
 from sepv.reference.steps import reference_step
 from sepv.reference.taylor import flow_series
-from sepv.reference.vector import FLOW, FOLDER, ReferenceVector, digest, load, schemes_with_vectors
+from sepv.reference.vector import FLOW, VECTOR_FOLDER, ReferenceVector, digest, load, schemes_with_vectors
 
 from benchmarks.vectors import generate
 from benchmarks.vectors.rounding import error_units
@@ -121,7 +121,7 @@ def test_no_global_precision_is_touched() -> None:
 
 SCHEMES = schemes_with_vectors()
 ALL = [v for scheme in SCHEMES for v in load(scheme)]
-SCHEMA = json.loads((FOLDER / "vectors.schema.json").read_text())
+SCHEMA = json.loads((VECTOR_FOLDER / "vectors.schema.json").read_text())
 
 
 def test_every_equation_and_the_flow_have_vectors() -> None:
@@ -131,7 +131,7 @@ def test_every_equation_and_the_flow_have_vectors() -> None:
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_files_are_as_the_schema_says_and_small(scheme: str) -> None:
-    path = FOLDER / f"{scheme}.json"
+    path = VECTOR_FOLDER / f"{scheme}.json"
     jsonschema.Draft202012Validator(SCHEMA).validate(json.loads(path.read_text()))
     assert path.stat().st_size < 1e6
     assert generate.to_text(scheme, generate.source_of(scheme), load(scheme)) == path.read_text()
@@ -234,7 +234,7 @@ def test_a_share_of_the_vectors_is_made_again(scheme: str, every: int) -> None:
 
 
 def spoilt(tmp_path: Path, change) -> Path:
-    data = json.loads((FOLDER / "gauss-1.json").read_text())
+    data = json.loads((VECTOR_FOLDER / "gauss-1.json").read_text())
     change(data)
     (tmp_path / "gauss-1.json").write_text(json.dumps(data))
     load.cache_clear()
@@ -275,7 +275,7 @@ def test_a_file_that_is_not_there_or_no_json_is_refused(tmp_path: Path) -> None:
 
 def test_a_failed_generation_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "gauss-1.json").write_text("old")
-    monkeypatch.setattr(generate, "FOLDER", tmp_path)
+    monkeypatch.setattr(generate, "VECTOR_FOLDER", tmp_path)
     monkeypatch.setattr(generate, "certify", lambda *_: 1 / 0)
     assert generate.main(["gauss-1"]) == 1
     assert (tmp_path / "gauss-1.json").read_text() == "old"

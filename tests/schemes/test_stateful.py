@@ -13,7 +13,7 @@ from drawn import refusing
 from sepv.properties._states_of_a_path import keeps_states
 
 import sepv
-from benchmarks.right_schemes import RIGHT
+from benchmarks.right_schemes import RIGHT_SCHEMES
 from sepv import PathSolver, SchemeFault, StatefulStep, UsageError, problems
 from sepv.core.newton import Status
 from sepv.law.cases.single_precision import in_range, single
@@ -33,7 +33,7 @@ from sepv.schemes import (
 from sepv.simulate import run_chunk
 from sepv.verification import Case, Effort
 
-HEUN = RIGHT["reversible-heun"]
+HEUN = RIGHT_SCHEMES["reversible-heun"]
 FEW = Effort(examples=1)
 h, N = 2.0**-6, 16
 
@@ -210,13 +210,15 @@ def test_whole_paths_are_those_of_the_steps_and_a_refused_step_is_named() -> Non
     says(refuses, "long-time-energy", "error", "no root")
 
 
-SINGLE = RIGHT["energy-preserving-in-single-precision"]
+SINGLE = RIGHT_SCHEMES["energy-preserving-in-single-precision"]
 LEAST: dict[str, Any] = {"examples": 1, "shrink_checks": 0}
 
 
-@pytest.mark.parametrize("name", [n for n in RIGHT if "-single-" in n and "casimir" in RIGHT[n].claims])
+@pytest.mark.parametrize(
+    "name", [n for n in RIGHT_SCHEMES if "-single-" in n and "casimir" in RIGHT_SCHEMES[n].claims]
+)
 def test_what_holds_in_binary64_holds_in_units_of_single_precision(name: str) -> None:
-    report = measured(RIGHT[name], "contract,identity,casimir,midpoint,symmetry", examples=1)
+    report = measured(RIGHT_SCHEMES[name], "contract,identity,casimir,midpoint,symmetry", examples=1)
     assert [f.verdict.text for f in report.findings] == ["holds"] * 5
     found = report.finding("symmetry")
     assert found.unit == "ulp32 of y"

@@ -20,7 +20,7 @@ from llvmlite import ir
 import sepv
 from sepv import problems, schemes
 from sepv._patches import add_attribute, without_local_constants
-from sepv.simulate._compiled.block_run import Chunk
+from sepv.simulate._compiled.block_run import CompiledChunk
 from sepv.simulate._ensembles.task import Task
 
 pytest.importorskip("numba", reason="the extra `fast` is not installed")
@@ -180,7 +180,7 @@ def test_a_chunk_is_gone_when_nobody_has_it() -> None:
     """Its arrays are some megabytes, which would otherwise wait for the garbage collector."""
     problem = problems.rigid_body()
     task = Task(EP, problem, np.array(problem.initial), 0.01, 4, 0, 200, 0, None, 2, (), False, True, None)
-    chunk = Chunk(task, problem)
+    chunk = CompiledChunk(task, problem)
     chunk.advance(4)
     known = weakref.ref(chunk)
     gc.disable()

@@ -74,7 +74,7 @@ def test_increments_have_the_bits_of_numpy(steps: int, refine: int | None) -> No
 def test_many_normals_have_the_bits_of_numpy() -> None:
     """Of 400,000 normals some 100 come from the tail, and 6,000 from the ziggurat's wedges."""
     problem = problems.rigid_body()
-    own = chunk.Chunk(task(problem, 100, 4000), problem, devices.host())
+    own = chunk.CudaChunk(task(problem, 100, 4000), problem, devices.host())
     wanted = increments(5, T=0.1, steps=100, noises=1, paths=4000)
     assert np.abs(wanted).max() > 3.66 * np.sqrt(1e-3)
     assert np.array_equal(
@@ -119,7 +119,7 @@ def test_steps_that_a_kernel_leaves_over_are_the_cores(monkeypatch: pytest.Monke
     """
     arguments = {"h": 1 / 32, "T": 1.0, "paths": 30, "times": (0.5, 1.0), "compensated": True}
     for iterations in (0, 3):
-        monkeypatch.setattr(text, "NEWTON_MAXITER", iterations)
+        monkeypatch.setattr(text, "STRAIGHT_MAXITER", iterations)
         text.kernel_text.cache_clear()
         card, plain = both(EP, problems.pendulum(), HOST, **arguments)
         assert np.array_equal(card.W, plain.W)
@@ -378,5 +378,5 @@ def test_each_thread_has_a_few_chunks_of_an_ensemble(workers: int) -> None:
     """One alone has as few as memory allows, because nothing is gained by more."""
     whole = task(problems.pendulum(), 2**13, 4096)
     chunks = -(-whole.count // numba_target._size(whole, workers, False))
-    assert workers < chunks <= numba_target.SHARES * workers
+    assert workers < chunks <= numba_target.CHUNKS_PER_WORKER * workers
     assert numba_target._size(whole, 1, False) == whole.count

@@ -92,7 +92,7 @@ def with_larger_error(factor: float) -> Scheme:
     return replace(energy_preserving, step=step, solve=None)
 
 
-@pytest.mark.parametrize("case", [c["name"] for c in cases.CASES])
+@pytest.mark.parametrize("case", [c["name"] for c in cases.BENCH_CASES])
 def test_an_error_five_per_cent_larger_is_seen_and_its_energy_too(case: str) -> None:
     chosen = cases.choose((case,), portable=False)
     plain, larger = (store.record("target", s, chosen) for s in (energy_preserving, with_larger_error(1.05)))
@@ -150,7 +150,7 @@ def test_the_bootstrap_bound_catches_ten_per_cent_and_lets_noise_pass() -> None:
 
     def simulated(true: float) -> tuple[float, float, float]:
         bias = 0.01 * rng.standard_normal((8, 1))
-        noise = 0.05 * rng.standard_normal((8, pairs.PAIRS))
+        noise = 0.05 * rng.standard_normal((8, pairs.TIMED_PAIRS))
         hit = np.log(2) * (rng.random(noise.shape) < 0.1) * rng.choice([-1, 1], noise.shape)
         return pairs.bootstrap(list(np.log(true) + bias + noise + hit))
 
@@ -184,9 +184,9 @@ def test_two_checkouts_take_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     asked.clear()
     found = pairs.time_pairs("mine:t", tmp_path, tmp_path, CASE)
     assert [c.verdict for c in found] == ["worse", "worse"]
-    readings = asked[4 : 4 + 2 * pairs.PAIRS]  # after the first runs and the look at how long one takes
-    assert readings == ["head's", "other", "other", "head's"] * (pairs.PAIRS // 2)
-    assert len(asked) == pairs.FEWEST_BATCHES * (4 + 2 * pairs.PAIRS)
+    readings = asked[4 : 4 + 2 * pairs.TIMED_PAIRS]  # after the first runs and the look at how long one takes
+    assert readings == ["head's", "other", "other", "head's"] * (pairs.TIMED_PAIRS // 2)
+    assert len(asked) == pairs.FEWEST_BATCHES * (4 + 2 * pairs.TIMED_PAIRS)
 
 
 # The command
@@ -274,7 +274,7 @@ def test_the_committed_counters_are_portable_and_of_all_schemes_of_the_paper_and
     paper = "energy-preserving midpoint discrete-gradient euler-heun milstein euler-maruyama"
     rivals = "explicit-4 explicit-8 projected-4 projected-8"
     assert {*paper.split(), *rivals.split()} <= {e["target"] for e in entries}
-    portable = [c["name"] for c in cases.CASES if c["portable"]]
+    portable = [c["name"] for c in cases.BENCH_CASES if c["portable"]]
     assert all([c["case"]["name"] for c in e["cases"]] == portable for e in entries)
     assert json.loads(COUNTERS.read_text())["environment"]["sepv"] == sepv.__version__
 

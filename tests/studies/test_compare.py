@@ -27,7 +27,7 @@ from sepv.statistics import Estimate
 from sepv.studies._compare import method as methods_of
 from sepv.studies._compare import table
 from sepv.studies._compare.comparison import Comparison
-from sepv.studies._compare.method import Ends, Followed, Method, exact_time_change, from_scheme
+from sepv.studies._compare.method import Followed, Method, MethodEnds, exact_time_change, from_scheme
 from sepv.studies._compare.record import Point, Seconds, time_to_error
 from sepv.studies._compare.run import compare, one_core
 from sepv.studies._evaluation_count import Work, counted
@@ -178,8 +178,8 @@ def test_methods_take_turns_and_every_job_runs_in_every_round() -> None:
     order: list[str] = []
 
     def method(name: str) -> Method:
-        def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
-            def job() -> Ends:
+        def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], MethodEnds]:
+            def job() -> MethodEnds:
                 order.append(f"{name}{len(dW)}")
                 # Longer than the shortest reading of the clock, so that one round is one call.
                 time.sleep(3e-3)

@@ -13,12 +13,12 @@ from sepv.properties._growth import exponent, kind_of
 from sepv.properties._orders.gaussian import rule
 
 import sepv
-from benchmarks.exits import SETS, bound, measured, moments
+from benchmarks.exits import COMPACT_SETS, bound, measured, moments
 from sepv import UsageError, problems, schemes
 from sepv.problem import Array
 from sepv.simulate import _truncation as bounded
 from sepv.studies._energy_diffusion import energy_diffusion
-from sepv.studies._energy_growth import DOUBLINGS, growth, judged
+from sepv.studies._energy_growth import SLOPE_DOUBLINGS, growth, judged
 from sepv.studies._solvability.branch import End, follow
 from sepv.studies._solvability.map import Ending, chance_outside, solvability_map
 from sepv.studies._solvability.paths import Exits, follow_paths
@@ -187,7 +187,7 @@ PATHS = 400
 
 @pytest.fixture(scope="module")
 def pendulum():
-    return SETS["pendulum"][0]()
+    return COMPACT_SETS["pendulum"][0]()
 
 
 @pytest.mark.parametrize(
@@ -236,7 +236,7 @@ def test_energy_and_casimir_of_lotka_volterra_bound_a_compact_set() -> None:
 
     Of all directions only zero has −(u + v), u, v ≤ 0: H grows in each, and far out exceeds H(y0).
     """
-    D = SETS["lotka-volterra"][0]()
+    D = COMPACT_SETS["lotka-volterra"][0]()
     y0 = np.asarray(D.problem.initial)
     C0, angles = float(D.F(y0)), np.linspace(0, 2 * np.pi, 720)
     u, v = 12 * np.array([np.cos(angles), np.sin(angles)])
@@ -409,7 +409,7 @@ def test_what_cannot_be_judged_is_not() -> None:
     alone = np.zeros((TIMES.size, 3))
     alone[:, 0] = TIMES
     assert judged("", TIMES, alone, rounding=0.0).kind == "open"  # one path is the whole rms
-    with pytest.raises(UsageError, match=f"multiple of {2**DOUBLINGS} h"):
+    with pytest.raises(UsageError, match=f"multiple of {2**SLOPE_DOUBLINGS} h"):
         growth(schemes.midpoint, PENDULUM, h=0.25, T=1.0, paths=8)
 
 

@@ -17,7 +17,7 @@ def _by_quadrature(scheme: str, nodes: int = 400) -> dict[str, float]:
     by the rectangle rule over both clipped increments.
     """
     problem = problems.harmonic_oscillator()
-    h, x = study.T / 2, np.linspace(-8, 8, nodes)
+    h, x = study.WEAK_T / 2, np.linspace(-8, 8, nodes)
     weights = np.exp(-0.5 * x * x) / np.exp(-0.5 * x * x).sum()
     dW = truncate(np.sqrt(h) * x, h, 2)
     pairs = np.array(list(product(range(nodes), repeat=2))).T
@@ -25,7 +25,7 @@ def _by_quadrature(scheme: str, nodes: int = 400) -> dict[str, float]:
     for which in pairs:
         y = schemes.by_name(scheme).step(problem, y, h, dW[which][None])
     both = weights[pairs[0]] * weights[pairs[1]]
-    return {name: float(f(y) @ both) for name, f in study.FUNCTIONS.items()}
+    return {name: float(f(y) @ both) for name, f in study.WEAK_FUNCTIONS.items()}
 
 
 @pytest.mark.parametrize("scheme", ["energy-preserving", "euler-heun"])
@@ -45,7 +45,7 @@ def test_an_expectation_over_the_random_time_of_the_oscillator() -> None:
     """A rotation by θ ~ N(T, |c|²T): E e^{iθ} = e^{iT − |c|²T/2}."""
     problem = problems.harmonic_oscillator()
     p, q = map(float, problem.initial)
-    z = (p + 1j * q) * np.exp(1j * study.T - 0.5 * study.T * float(np.sum(problem.c**2)))
+    z = (p + 1j * q) * np.exp(1j * study.WEAK_T - 0.5 * study.WEAK_T * float(np.sum(problem.c**2)))
     found = study.expectations(problem)
     assert (found["y1"], found["y2"]) == pytest.approx((z.real, z.imag), abs=1e-14)
 

@@ -16,7 +16,7 @@ from sepv.properties import _without_memory
 from sepv.properties._without_solution import legendre_sum, made, proof
 
 import sepv
-from benchmarks.right_schemes import RIGHT
+from benchmarks.right_schemes import RIGHT_SCHEMES
 from sepv import SchemeFault, StepFailure, schemes
 from sepv._arithmetic import is_default
 from sepv.faults.saboteurs import SABOTEURS
@@ -84,7 +84,7 @@ def test_a_step_has_the_same_bits_in_a_second_process(name, expected, tmp_path, 
 
 
 def test_a_scheme_gets_the_derivatives_that_it_needs_or_the_case_is_left_out() -> None:
-    taylor = RIGHT["taylor-by-derivatives"]
+    taylor = RIGHT_SCHEMES["taylor-by-derivatives"]
     for law in ("contract", "noise-sum"):
         says(taylor, law, "holds", **FEW)
         says(replace(taylor, needs=()), law, "error", "The scheme raised", **FEW)
@@ -123,7 +123,7 @@ def test_a_step_that_returns_nan_where_nothing_solves_it_is_none_of_the_contract
 
 
 def test_a_batch_comes_in_the_precision_of_the_scheme() -> None:
-    says(RIGHT["leapfrog-in-single-precision"], "contract", "holds", **FEW)
+    says(RIGHT_SCHEMES["leapfrog-in-single-precision"], "contract", "holds", **FEW)
 
 
 MODULE = """

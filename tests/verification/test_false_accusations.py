@@ -13,7 +13,7 @@ import pytest
 from doors import says, verdicts
 from sepv.reference.problem import exact_problem
 
-from benchmarks.right_schemes import RIGHT
+from benchmarks.right_schemes import RIGHT_SCHEMES
 from sepv import problems, schemes
 from sepv.law.cases.classes import CLASSES
 from sepv.law.cases.clipped import clips, fits, within
@@ -108,9 +108,11 @@ def test_a_solution_that_escapes_in_finite_time_is_no_error_of_the_scheme() -> N
 def test_a_step_of_another_hamiltonian_returns_as_exactly_as_its_roundings_grow() -> None:
     """q1 = q + Δp whatever the masses: (2.1) hardly moves where this step moves far."""
     for seed in (0, 1):
-        found = verify(RIGHT["unit-masses"], laws=["symmetry", "reversibility"], effort=Effort(seed=seed))
+        found = verify(
+            RIGHT_SCHEMES["unit-masses"], laws=["symmetry", "reversibility"], effort=Effort(seed=seed)
+        )
         assert [f.verdict for f in found.findings] == [Verdict.HOLDS] * 2
-    right = RIGHT["unit-masses"].step
+    right = RIGHT_SCHEMES["unit-masses"].step
 
     def tilted(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         y1 = right(problem, y, h, dW)

@@ -11,7 +11,7 @@ import pytest
 from sepv.properties._stationary import Stationary, does_not_decay, exact, of_step
 
 import sepv
-from benchmarks.right_schemes import RIGHT
+from benchmarks.right_schemes import RIGHT_SCHEMES
 from sepv.faults.saboteurs import SABOTEURS
 from sepv.problem import PolynomialSystem, Problem, Systems, friction
 from sepv.problems import canonical, harmonic_trap, langevin_oscillator, langevin_pair, started
@@ -159,7 +159,7 @@ def test_friction_of_different_rates_has_no_conformal_law() -> None:
 
 @pytest.mark.parametrize("name", ["aboba-by-velocities", "exact-gaussian-step"])
 def test_right_schemes_written_otherwise_hold_what_they_claim(name: str) -> None:
-    assert verdicts(RIGHT[name]) == ["holds"] * 3
+    assert verdicts(RIGHT_SCHEMES[name]) == ["holds"] * 3
 
 
 def stepping(change: Callable[..., np.ndarray], **parts: Any) -> Scheme:

@@ -17,15 +17,13 @@ from sepv.properties._stationary import affine, rows_of
 from sepv.reference.generator import moments
 
 import sepv
-from benchmarks.right_schemes import RIGHT
+from benchmarks.right_schemes import RIGHT_SCHEMES
 from sepv.faults.saboteurs import SABOTEURS
 from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, drift, noise_vectors
 from sepv.problems import langevin_double_well, langevin_oscillator, langevin_pair
-from sepv.schemes import Scheme, by_name
+from sepv.schemes import LOCAL_LAWS, Scheme, by_name
 from sepv.simulate import areas
 from sepv.verification import Effort, Finding
-
-LOCAL = ("local-mean", "local-mean-square", "local-weak")
 
 
 def verdicts(scheme: Scheme, *laws: str) -> list[str]:
@@ -108,24 +106,24 @@ def test_the_generator_has_the_friction() -> None:
 
 @pytest.mark.parametrize("name", ["baoab", "obabo", "gronbech-jensen-farago", "friction-euler-maruyama"])
 def test_one_step_has_the_orders_that_are_claimed(name: str) -> None:
-    assert verdicts(by_name(name), *LOCAL) == ["holds"] * 3
+    assert verdicts(by_name(name), *LOCAL_LAWS) == ["holds"] * 3
 
 
 def test_higher_claims_are_violated() -> None:
     baoab, euler = by_name("baoab"), by_name("friction-euler-maruyama")
-    assert verdicts(replace(baoab, mean_square_order=1.5), *LOCAL)[1] == "violated"
-    assert verdicts(replace(baoab, weak_order=3), *LOCAL)[2] == "violated"
-    assert verdicts(replace(euler, weak_order=2), *LOCAL)[2] == "violated"
+    assert verdicts(replace(baoab, mean_square_order=1.5), *LOCAL_LAWS)[1] == "violated"
+    assert verdicts(replace(baoab, weak_order=3), *LOCAL_LAWS)[2] == "violated"
+    assert verdicts(replace(euler, weak_order=2), *LOCAL_LAWS)[2] == "violated"
 
 
 def test_a_scheme_that_uses_areas_has_order_two_against_the_exact_paths() -> None:
-    right = RIGHT["mean-given-areas"]
-    assert verdicts(right, *LOCAL, "mean-square-order") == ["holds"] * 4
-    assert verdicts(replace(right, mean_square_order=2.5), *LOCAL)[1] == "violated"
+    right = RIGHT_SCHEMES["mean-given-areas"]
+    assert verdicts(right, *LOCAL_LAWS, "mean-square-order") == ["holds"] * 4
+    assert verdicts(replace(right, mean_square_order=2.5), *LOCAL_LAWS)[1] == "violated"
 
 
 def test_a_noise_that_uses_the_area_with_the_wrong_sign_has_order_one() -> None:
-    right = RIGHT["mean-given-areas"]
+    right = RIGHT_SCHEMES["mean-given-areas"]
 
     def turned(problem: Problem, y: Array, h: float, dW: Array, bridge: Array) -> Array:
         return right.step(problem, y, h, dW, -bridge)
@@ -157,7 +155,7 @@ def test_weak_orders_of_affine_steps_are_read_without_paths(name: str, order: fl
 
 def test_the_exact_distribution_has_errors_of_rounding_alone() -> None:
     """Paths of it are not the given ones, so that sampling says nothing of its means."""
-    found = weak_order(RIGHT["exact-gaussian-step"])
+    found = weak_order(RIGHT_SCHEMES["exact-gaussian-step"])
     assert (found.verdict.text, found.checks) == ("holds", 140)
     assert "are rounding" in found.message
 

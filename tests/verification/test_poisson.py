@@ -19,7 +19,7 @@ from sepv.properties._structures import is_constant, is_poisson
 from sepv.properties.test_poisson_map import constant
 
 import sepv
-from benchmarks.right_schemes import RIGHT
+from benchmarks.right_schemes import RIGHT_SCHEMES
 from sepv import Skipped, problems, schemes, verify
 from sepv.faults.saboteurs import SABOTEURS
 from sepv.law.cases.families import _ALGEBRAS, algebra
@@ -100,7 +100,7 @@ def test_the_derivative_of_a_step_is_within_its_bound(seed: int) -> None:
     y = rng.uniform(-1, 1, 2)
     radius, ball = contraction_ball(problem, y)
     h, rho = radius / 2, ball / 2
-    widths = np.full(2, 2.0 ** np.floor(np.log2(poisson.WIDTH * rho)))
+    widths = np.full(2, 2.0 ** np.floor(np.log2(poisson.STENCIL_WIDTH * rho)))
     states = poisson.shifted(y, widths)
     answers = midpoint.step(problem, states, h, np.zeros((0, states.shape[1])))
     D, fourth = poisson.derivative(answers, widths)
@@ -108,7 +108,7 @@ def test_the_derivative_of_a_step_is_within_its_bound(seed: int) -> None:
     assert problem.hessian is not None
     S = 0.5 * h * J @ problem.hessian((y + answers[:, 0]) / 2)
     exact = np.linalg.solve(np.eye(2) - S, np.eye(2) + S)
-    bound = poisson.TRUNCATION * (widths[0] / rho) ** 6 + poisson.ROUNDING * 8e-16 / widths[0]
+    bound = poisson.STENCIL_TRUNCATION * (widths[0] / rho) ** 6 + poisson.STENCIL_ROUNDING * 8e-16 / widths[0]
     assert np.abs(D - exact).max() <= bound
     # That of order four errs by more.
     assert np.all(np.abs(D - exact) <= fourth + bound)
@@ -171,7 +171,7 @@ def both(scheme: Scheme, examples: int = 8) -> list[Finding]:
 @pytest.mark.parametrize(
     ("scheme", "symmetric", "of_the_random_step"),
     [
-        (RIGHT["trapezoidal-drift"], "holds", "violated"), (schemes.explicit(4), "violated", "holds"),
+        (RIGHT_SCHEMES["trapezoidal-drift"], "holds", "violated"), (schemes.explicit(4), "violated", "holds"),
         # Steps backward have h < 0, and such cases are among those of the random step too.
         (SABOTEURS["absolute-h"].scheme, "violated", "violated"),
     ],
@@ -302,7 +302,7 @@ def test_verlet_is_reversible_though_it_makes_no_step_backward(changes, reversib
 
 
 def test_a_charge_in_a_magnetic_field_keeps_volume_with_boris_and_not_with_another_turn() -> None:
-    boris = RIGHT["boris"]
+    boris = RIGHT_SCHEMES["boris"]
     assert verdicts(boris, "volume", examples=2) == {"volume": "holds"}
 
     def stretched(problem: Problem, y: Array, h: float, dW: Array) -> Array:

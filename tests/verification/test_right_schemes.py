@@ -13,10 +13,10 @@ from doors import but_deep, says, verdicts
 from drawn import clipping, louder, refusing
 
 import sepv
-from benchmarks.right_schemes import RIGHT
+from benchmarks.right_schemes import RIGHT_SCHEMES
 from benchmarks.right_schemes.other_formulas import flow
 from benchmarks.right_schemes.solved_otherwise import of_lanes
-from benchmarks.units import LAWS, PROBLEMS, SCALES, Scale, findings, scaled, wrong
+from benchmarks.units import SCALES, UNITS_LAWS, UNITS_PROBLEMS, Scale, findings, scaled, wrong
 from sepv import StepFailure, problems, schemes
 from sepv.law import NO_NOISE
 from sepv.law.units import Units, units_of
@@ -33,14 +33,16 @@ QUICK = {
     name: {"energy", "invariant:energy"} & claims or {"symmetry"} & claims or {"contract"}
     if number % 2
     else {"energy", "invariant:energy", "symmetry"} & claims or {"contract"}
-    for number, (name, claims) in enumerate((name, set(scheme.claims)) for name, scheme in RIGHT.items())
+    for number, (name, claims) in enumerate(
+        (name, set(scheme.claims)) for name, scheme in RIGHT_SCHEMES.items()
+    )
 }
 # A thousand exact flows, which *contract* asks for, take a minute; the others of these take ten
 # seconds and more, and differ from schemes that are asked each time in how they solve or sum alone.
 SLOW = ("weak-two", "symmetric-projection", "compensated", "clenshaw-curtis")
 
 
-@pytest.mark.parametrize("name", but_deep(RIGHT, *SLOW))
+@pytest.mark.parametrize("name", but_deep(RIGHT_SCHEMES, *SLOW))
 def test_energy_and_symmetry_hold_where_they_are_claimed(name: str) -> None:
     assert accused(name, QUICK[name], 2) == []
 
@@ -57,14 +59,14 @@ def test_other_quadratures_solvers_and_precisions_meet_the_reference_vectors(nam
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize("name", RIGHT)
+@pytest.mark.parametrize("name", RIGHT_SCHEMES)
 def test_every_claimed_law_holds(name: str) -> None:
-    assert accused(name, RIGHT[name].claims | {"contract"}, 100) == []
+    assert accused(name, RIGHT_SCHEMES[name].claims | {"contract"}, 100) == []
 
 
 def accused(name: str, laws: Iterable[str], examples: int) -> list[tuple[str, Verdict, str]]:
     """What did not hold: law, verdict and message."""
-    report = verify(RIGHT[name], laws=laws, effort=Effort(examples=examples, seed=1))
+    report = verify(RIGHT_SCHEMES[name], laws=laws, effort=Effort(examples=examples, seed=1))
     return [(f.law, f.verdict, f.message) for f in report.findings if f.verdict is not Verdict.HOLDS]
 
 
@@ -188,13 +190,13 @@ FAST = ("truncation", "right-limit")
 
 @pytest.mark.parametrize("name", ["harmonic-oscillator", "quartic-top", "double-well", "kepler"])
 def test_the_units_of_a_problem_change_with_it(name: str) -> None:
-    problem = PROBLEMS[name]()
+    problem = UNITS_PROBLEMS[name]()
     own, other = units_of(problem), units_of(scaled(problem, Scale(4.0**9, 2.0**-9, 2.0**-12)))
     assert other == Units(own.time / 4**9, own.length / 2**12)
 
 
 def test_a_problem_at_the_origin_or_at_rest_has_units() -> None:
-    start = PROBLEMS["quartic"]()
+    start = UNITS_PROBLEMS["quartic"]()
     moved = replace(start, initial=(0.0, 0.0), data=None, check=False)
     assert units_of(moved).length == 1.0
     assert 0 < units_of(moved).time < np.inf
@@ -212,7 +214,7 @@ SMALL, LARGE = Scale(4.0**-8, 2.0**8, 2.0**-18), Scale(4.0**9, 2.0**-9, 2.0**10)
 )  # fmt: skip
 def test_verdicts_are_the_same_in_every_unit(name: str, scale: Scale) -> None:
     """Powers of two change no digit of a state: what differs is the rounding of the exact flow."""
-    problem = PROBLEMS[name]()
+    problem = UNITS_PROBLEMS[name]()
     few = Effort(paths=512)
     usual = findings(schemes.energy_preserving, scaled(problem, Scale()), few)
     other = findings(schemes.energy_preserving, scaled(problem, scale), few)
@@ -237,7 +239,7 @@ OWN = ("energy-preserving", "euler-heun", "milstein")
 # the deep one. Exact flows of exponentials and square roots take 16 and 29 s: these two are left to
 # the deep run.
 DEAR_FLOWS = ("toda", "double-well")
-NAMES = list(PROBLEMS)
+NAMES = list(UNITS_PROBLEMS)
 EVERY_RUN = [
     (NAMES[n % len(NAMES)], OWN[n % 3], scale)
     for n, scale in enumerate(SCALES)
@@ -246,14 +248,14 @@ EVERY_RUN = [
 
 
 def each() -> Iterator[Any]:
-    for case in product(PROBLEMS, OWN, SCALES):
+    for case in product(UNITS_PROBLEMS, OWN, SCALES):
         marks = [] if case in EVERY_RUN else [pytest.mark.deep]
         yield pytest.param(*case, marks=marks)
 
 
 @pytest.mark.parametrize(("problem", "scheme", "scale"), list(each()))
 def test_no_right_scheme_is_accused_or_left_open_at_any_rate_noise_and_size(problem, scheme, scale):
-    found = findings(schemes.by_name(scheme), scaled(PROBLEMS[problem](), scale), SAMPLES, LAWS)
+    found = findings(schemes.by_name(scheme), scaled(UNITS_PROBLEMS[problem](), scale), SAMPLES, UNITS_LAWS)
     assert not [f for f in found if wrong(f)]
 
 
@@ -262,7 +264,7 @@ def test_a_noise_far_smaller_than_the_error_of_the_step_is_measured(size: float)
     """Increments of "explicit-4" have weights: a share of the noise is a covariance with weighted
     means.
     """
-    small = scaled(PROBLEMS["pendulum"](), Scale(1e-6, 1e-6, size))
+    small = scaled(UNITS_PROBLEMS["pendulum"](), Scale(1e-6, 1e-6, size))
     (found,) = findings(schemes.by_name("explicit-4"), small, SAMPLES, ("right-limit",))
     assert found.verdict is Verdict.HOLDS, found
     assert found.checks == 512  # decided at the first look
@@ -297,7 +299,7 @@ SINGLY = [Scale(1e6), Scale(1.0, 1e-5), Scale(size=1e6)]
 
 @pytest.mark.parametrize("scale", but_deep([Scale(1e-3, 1e3, 1e6), *SINGLY], *SINGLY))
 def test_faults_of_the_noise_show_in_every_unit(scale: Scale) -> None:
-    problem = scaled(PROBLEMS["quartic"](), scale)
+    problem = scaled(UNITS_PROBLEMS["quartic"](), scale)
     own = Scheme("louder", louder(1.02), batched=True, problems=(problem,))
     says(own, "right-limit", "violated", "noise of the limit is wrong by", paths=2048)
 

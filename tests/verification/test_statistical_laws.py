@@ -30,7 +30,7 @@ from sepv.properties._sequential import FIRST_LOOK, sampled
 from sepv.properties._sequential import _wanted as wanted
 from sepv.properties._setups import Setup, setups_for
 
-from benchmarks.right_schemes import RIGHT
+from benchmarks.right_schemes import RIGHT_SCHEMES
 from sepv import Scheme, problems, schemes, verify
 from sepv.core.newton import Status
 from sepv.core.step import Solution
@@ -57,7 +57,7 @@ def test_a_scheme_of_weak_order_two_and_mean_square_order_one_is_not_accused(ord
     """
     run = Run(Effort(seed=seed, paths=paths))  # keeps the errors, which hang on no claim
     for order in orders:
-        scheme = replace(RIGHT["weak-two"], weak_order=order)
+        scheme = replace(RIGHT_SCHEMES["weak-two"], weak_order=order)
         finding = weak.run(weak.law, scheme, run)
         assert finding.verdict in (Verdict.HOLDS, Verdict.INCONCLUSIVE)
         assert finding.verdict is Verdict.HOLDS or "settle it" in finding.message
@@ -83,7 +83,7 @@ LONG_STEPS = [("divided-long-steps", "rigid-body"), ("divided-long-steps", None)
 @pytest.mark.parametrize(("name", "problem"), but_deep([*LONG_STEPS, ("sra1", None)], *LONG_STEPS[1:]))
 def test_the_order_and_limit_of_long_steps_that_are_divided_and_order_1_5_are_found(name, problem):
     laws = ("mean-square-order", "weak-order", "right-limit")
-    assert verdicts(RIGHT[name], laws, problem) == dict.fromkeys(laws, "holds")
+    assert verdicts(RIGHT_SCHEMES[name], laws, problem) == dict.fromkeys(laws, "holds")
 
 
 def test_laws_without_a_reference_do_not_fail_a_damped_scheme() -> None:
@@ -125,7 +125,7 @@ def test_a_limit_holds_only_if_its_shares_are_surely_below_one_per_cent() -> Non
 )
 def test_errors_at_the_rounding_floor_accuse_nobody(order: float, problem: str | None) -> None:
     """The exact flow is within C h^p of itself for every p, with a tiny C."""
-    flow = replace(RIGHT["exact-flow"], mean_square_order=order, weak_order=order)
+    flow = replace(RIGHT_SCHEMES["exact-flow"], mean_square_order=order, weak_order=order)
     assert verdicts(flow, SAMPLED, problem, paths=64) == dict.fromkeys(SAMPLED, "holds")
 
 

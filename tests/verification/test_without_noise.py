@@ -32,7 +32,7 @@ from sepv.properties._orders.without_noise import RATIO, judge
 from sepv.properties._reversal import mirrors
 
 import sepv
-from benchmarks.right_schemes import RIGHT
+from benchmarks.right_schemes import RIGHT_SCHEMES
 from benchmarks.right_schemes.other_formulas import MECHANICAL
 from sepv import Scheme, Skipped, problems, schemes
 from sepv.exact import PHASES
@@ -236,7 +236,7 @@ def verdict(scheme: Scheme, seed: int = 0, **given: Any) -> str:
     return LONG_TIMES.run(LONG_TIMES, replace(scheme, **given), Run(Effort(seed=seed))).verdict.text
 
 
-CLAIMED = [name for name, scheme in RIGHT.items() if "long-time-energy" in scheme.claims]
+CLAIMED = [name for name, scheme in RIGHT_SCHEMES.items() if "long-time-energy" in scheme.claims]
 # Iterations and steps of one state: they take four to ten seconds for a seed.
 SLOW = (
     "lobatto-iiia", "lobatto-iiib", "trapezoidal", "symmetric-projection", "midpoint-in-single-precision",
@@ -246,14 +246,14 @@ SLOW = (
 
 @pytest.mark.parametrize("name", but_deep(CLAIMED, *SLOW))
 def test_right_methods_have_no_trend_and_their_power(name: str) -> None:
-    assert verdict(RIGHT[name]) == "holds"
+    assert verdict(RIGHT_SCHEMES[name]) == "holds"
 
 
 @pytest.mark.deep
 @pytest.mark.parametrize("batched", [True, False])
 @pytest.mark.parametrize("name", CLAIMED)
 def test_right_methods_hold_with_ten_seeds(name: str, batched: bool) -> None:
-    scheme = replace(RIGHT[name], batched=batched and RIGHT[name].batched)
+    scheme = replace(RIGHT_SCHEMES[name], batched=batched and RIGHT_SCHEMES[name].batched)
     assert [verdict(scheme, seed) for seed in range(10)] == ["holds"] * 10
 
 
@@ -356,7 +356,7 @@ def test_a_reversible_method_drifts_where_the_momentum_keeps_its_sign_and_is_not
     """Lobatto IIIB on their perturbed pendulum: with p = 2.5 it turns over and over,
     with p = 1 it swings.
     """
-    method = RIGHT["lobatto-iiib"]
+    method = RIGHT_SCHEMES["lobatto-iiib"]
     turning = rotating(2.5)
     path = EnergyPath(method, turning, np.array([[0.0], [2.5]]), 0.16)
     moved = means(path.errors(1000), 100, [0, 300, 600, 900])[:, 0]
@@ -366,9 +366,11 @@ def test_a_reversible_method_drifts_where_the_momentum_keeps_its_sign_and_is_not
     says(method, "long-time-energy", "not applicable", problems=[turning])
 
 
-@pytest.mark.deep  # twenty seconds: of methods of one state; `RIGHT` has others of which the law is asked each time
+# Twenty seconds: of methods of one state; `RIGHT_SCHEMES` has others of which the law is asked each
+# time.
+@pytest.mark.deep
 def test_a_reversible_method_holds_where_the_momentum_changes_its_sign() -> None:
-    says(RIGHT["lobatto-iiib"], "long-time-energy", "holds", problems=[rotating(1.0)])
+    says(RIGHT_SCHEMES["lobatto-iiib"], "long-time-energy", "holds", problems=[rotating(1.0)])
 
 
 SPINS = ("isospectral-midpoint", "matrix-hamiltonians", "holds")

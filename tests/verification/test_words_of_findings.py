@@ -247,7 +247,7 @@ def test_a_law_that_takes_longer_than_expected_says_so(monkeypatch: pytest.Monke
     now, laws = 0.0, load_laws(["energy", "casimir"])
     first, last = (replace(law, cost=cost, steps=0) for law, cost in zip(laws, (10.0, 0.5), strict=True))
     monkeypatch.setattr(time, "monotonic", lambda: now)
-    course, shown = progress.Course([first, last]), display.Shown()
+    course, shown = progress.Course([first, last]), display.ShownProgress()
     shown.expected, shown.doing = course.seconds_left, lambda: course.doing(None, "mine:step")
     course.heard(first, None)
     now = 20.0
@@ -383,7 +383,7 @@ def test_violations_are_said_as_they_are_decided(monkeypatch: pytest.MonkeyPatch
     written = io.StringIO()
     monkeypatch.setattr("sepv.console._console.console", lambda **_: console(written))
     monkeypatch.setattr(display, "FIRST_LINES", (0.01,))
-    monkeypatch.setattr(display, "TICK", 0.01)
+    monkeypatch.setattr(display, "WORK_CHECK_SECONDS", 0.01)
     energy, casimir = load_laws(["energy", "casimir"])
     with progress.watching(laws=[energy, casimir]) as step:
         step(energy, None)

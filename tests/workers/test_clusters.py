@@ -315,7 +315,7 @@ def test_a_scheduler_with_tls_needs_certificates() -> None:
 
 def test_the_chunks_of_a_frozen_worker_go_to_the_other(monkeypatch: Any) -> None:
     """Dask itself waits for it, and the other worker was idle without end."""
-    monkeypatch.setattr(on_dask, "SILENT", 3.0)
+    monkeypatch.setattr(on_dask, "SILENT_SECONDS", 3.0)
     slow, arguments = scheme("is slow"), SMALL | {"paths": 1200}
     here = sepv.ensemble(EP, PENDULUM, **arguments)
     with local(2) as found, distributed.Client(found, set_as_default=False, timeout=20) as client:
@@ -334,7 +334,7 @@ def test_the_chunks_of_a_frozen_worker_go_to_the_other(monkeypatch: Any) -> None
 
 
 def test_two_frozen_workers_end_a_run_that_keeps_what_was_finished(monkeypatch: Any) -> None:
-    for name, seconds in (("SILENT", 5.0), ("FROZEN", 20.0)):
+    for name, seconds in (("SILENT_SECONDS", 5.0), ("FROZEN_SECONDS", 20.0)):
         monkeypatch.setattr(on_dask, name, seconds)
     with local(2) as found, distributed.Client(found, set_as_default=False, timeout=20) as client:
         victims = list(client.run(os.getpid).values())

@@ -11,9 +11,9 @@ from importlib import import_module
 
 from .record import Saboteur as Saboteur
 
-_MODULES = (
+_FAMILY_MODULES = (
     "formula", "noise", "solver", "arithmetic", "interface", "higher_order", "structure", "historical", "hamiltonians",
     "damping", "friction", "carried", "windows", "long_times", "corners", "bodies", "stated", "twins",
 )  # fmt: skip
-_BY_FAMILY = [import_module(f"{__name__}.{name}").SABOTEURS for name in _MODULES]
+_BY_FAMILY = [import_module(f"{__name__}.{name}").FAMILY for name in _FAMILY_MODULES]
 SABOTEURS: dict[str, Saboteur] = {s.name: s for family in _BY_FAMILY for s in family}

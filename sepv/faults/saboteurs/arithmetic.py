@@ -16,22 +16,22 @@ from sepv.schemes import energy_preserving_jacobian as jacobian
 from .formula import of_degree, quadrature, with_average, with_structure
 from .record import Family, answering, implicit, middle, right_side
 
-SABOTEURS = Family("arithmetic")
-_SEEN = ("energy", "casimir", "midpoint", "symmetry", "reference")
+FAMILY = Family("arithmetic")
+_ROUNDING_LAWS = ("energy", "casimir", "midpoint", "symmetry", "reference")
 
 
 def _single(values: Array) -> Array:
     return values.astype(np.float32).astype(np.float64)
 
 
-SABOTEURS.rows(
-    ("relative-error-1e-10", "y1 has a relative error of 1e-10", ("identity", *_SEEN, "rounding"),
+FAMILY.rows(
+    ("relative-error-1e-10", "y1 has a relative error of 1e-10", ("identity", *_ROUNDING_LAWS, "rounding"),
      answering(lambda _, y1: y1 * (1 + 1e-10))),
     ("step-off-by-1e-10", "Δ has a relative error of 1e-10", ("midpoint", "reference", "reduction"),
      implicit(lambda fields, y, z, step: (1 + 1e-10) * formula(fields, y, z, step))),
-    ("float32", "y1 passes through single precision", ("identity", *_SEEN, "equivariance", "rounding"),
+    ("float32", "y1 passes through single precision", ("identity", *_ROUNDING_LAWS, "equivariance", "rounding"),
      answering(lambda _, y1: _single(y1))),
-    ("float32-increment", "y1 − y0 passes through single precision", (*_SEEN, "rounding"),
+    ("float32-increment", "y1 − y0 passes through single precision", (*_ROUNDING_LAWS, "rounding"),
      answering(lambda y, y1: y + _single(y1 - y))),
     ("float32-structure", "B passes through single precision", ("casimir", "midpoint", "reference"),
      implicit(with_structure(lambda fields, y, z: _single(fields.structure(middle(y, z)))), jacobian=jacobian)),
@@ -43,7 +43,7 @@ SABOTEURS.rows(
 )  # fmt: skip
 
 
-@SABOTEURS.formula("∇H is formed from differences of H", ("energy", "symmetry", "reference", "reduction"))
+@FAMILY.formula("∇H is formed from differences of H", ("energy", "symmetry", "reference", "reduction"))
 def differenced_gradient(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     def gradient(y: Array) -> Array:
         # The width keeps the rounding noise of the differences below the rounding of the solver.
@@ -60,8 +60,8 @@ def _shortcut(fields: Fields, y: Any, z: Any) -> Any:
     return np.where(short, fields.gradient(y), fields.mean_gradient(y, z))
 
 
-SABOTEURS.rows(
-    ("large-constant", "1e4 is added to y1 and taken away", ("identity", *_SEEN, "equivariance", "rounding"),
+FAMILY.rows(
+    ("large-constant", "1e4 is added to y1 and taken away", ("identity", *_ROUNDING_LAWS, "equivariance", "rounding"),
      answering(lambda _, y1: (y1 + 1e4) - 1e4)),
     ("short-step-shortcut", "∇H is not averaged where y moves by less than 1e-4 of its size",
      ("energy", "midpoint", "symmetry", "reference"), implicit(with_average(_shortcut))),
@@ -75,25 +75,25 @@ SABOTEURS.rows(
 )  # fmt: skip
 
 
-@SABOTEURS.around("a step with |Δ| below 1e-12 is none", ("reference", "midpoint", "reduction"))
+@FAMILY.around("a step with |Δ| below 1e-12 is none", ("reference", "midpoint", "reduction"))
 def short_step_is_none(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return np.where(np.abs(problem.random_step(h, dW)) < 1e-12, y, step(problem, y, h, dW))
 
 
-@SABOTEURS.around("a step with |Δ| above 50 is made of two", ("reference", "midpoint", "reduction"))
+@FAMILY.around("a step with |Δ| above 50 is made of two", ("reference", "midpoint", "reduction"))
 def long_step_halved(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     halved = step(problem, step(problem, y, h / 2, dW / 2), h / 2, dW / 2)
     return np.where(np.abs(problem.random_step(h, dW)) > 50, halved, step(problem, y, h, dW))
 
 
-@SABOTEURS.around("y1 − y0 is divided by Δ and multiplied again", ("contract",))
+@FAMILY.around("y1 − y0 is divided by Δ and multiplied again", ("contract",))
 def divided_by_the_step(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     delta = problem.random_step(h, dW)
     with np.errstate(all="ignore"):
         return y + (step(problem, y, h, dW) - y) / delta * delta
 
 
-@SABOTEURS.around("in one step of twenty a component is moved by one ulp to where H is larger", ("rounding",))
+@FAMILY.around("in one step of twenty a component is moved by one ulp to where H is larger", ("rounding",))
 def one_signed_nudge(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Move one component of y1 by an ulp so that H grows, in one step of twenty,
     chosen by the last digits of y.
@@ -107,7 +107,7 @@ def one_signed_nudge(step: Step, problem: Problem, y: Array, h: float, dW: Array
     return np.where(chosen, np.nextafter(y1, np.copysign(np.inf, slope)), y1)
 
 
-@SABOTEURS.around("the last addition is rounded toward zero", ("rounding",))
+@FAMILY.around("the last addition is rounded toward zero", ("rounding",))
 def toward_zero(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Round the sum y1 = y0 + Δ B∇̄H, as in (2.1), toward zero and not to nearest."""
     move = right_side(problem, y, step(problem, y, h, dW), random_step(problem, h, dW))

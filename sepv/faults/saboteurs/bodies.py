@@ -14,10 +14,10 @@ from sepv.schemes import Scheme, Step, energy_preserving, midpoint
 
 from .record import Family, claiming, imitating
 
-SABOTEURS = Family("bodies")
+FAMILY = Family("bodies")
 # The number of sweeps of the fixed-point iteration for (2.1), and the smallest moment of inertia of
 # a body that turns.
-SWEEPS, SMALL = 200, 1e-3
+BODY_SWEEPS, SMALL_MOMENT = 200, 1e-3
 
 
 def _for_bodies(step: Step) -> Callable[[], Scheme]:
@@ -29,7 +29,7 @@ def _inverse_tensor(problem: Problem) -> Array:
     return np.stack([problem.gradient(e) for e in np.eye(3)], axis=1)
 
 
-@SABOTEURS.made(
+@FAMILY.made(
     "of the inverse inertia tensor only the diagonal is used",
     ("energy", "midpoint", "reference"),
     _for_bodies,
@@ -37,7 +37,7 @@ def _inverse_tensor(problem: Problem) -> Array:
 def diagonal_of_inertia(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """(2.1) with H = ½ Σ K_ii y_i² in place of ½ Σ K_ij y_i y_j for K = I⁻¹."""
     inverse, delta, z = np.diag(_inverse_tensor(problem)), problem.random_step(h, dW), np.zeros(3)
-    for _ in range(SWEEPS):
+    for _ in range(BODY_SWEEPS):
         middle, last = y + 0.5 * z, z
         z = delta * (problem.structure(middle) @ (inverse * middle))
         if np.array_equal(z, last):
@@ -45,17 +45,17 @@ def diagonal_of_inertia(problem: Problem, y: Array, h: float, dW: Array) -> Arra
     return np.asarray(y + z)
 
 
-@SABOTEURS.made(
+@FAMILY.made(
     "a body whose moments of inertia are below 1e-3 does not turn",
     ("reference", "midpoint", "deterministic-order", "mean-square-order", "right-limit", "local-mean"), _for_bodies,
 )  # fmt: skip
 def small_bodies_at_rest(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """(2.1), or y1 = y0 if no diagonal entry of I⁻¹ is below 1/SMALL."""
-    small = np.diag(_inverse_tensor(problem)).min() > 1 / SMALL
+    """(2.1), or y1 = y0 if no diagonal entry of I⁻¹ is below 1/SMALL_MOMENT."""
+    small = np.diag(_inverse_tensor(problem)).min() > 1 / SMALL_MOMENT
     return y.copy() if small else energy_preserving.step(problem, y, h, dW)
 
 
-@SABOTEURS.made(
+@FAMILY.made(
     "each step of the midpoint rule lowers H a little, on the sphere |y|² = const",
     ("long-time-energy", "symmetry", "energy", "reduction"),
     partial(imitating, midpoint, systems=Systems.RIGID_BODIES, batched=False),

@@ -17,7 +17,7 @@ from sepv.schemes import StatefulStep, Step, as_lanes, energy_preserving, implic
 from .formula import with_structure
 from .record import Family, claiming, imitating, middle
 
-SABOTEURS = Family("carried state")
+FAMILY = Family("carried state")
 _right = energy_preserving.step
 _midpoint = schemes.midpoint.step
 _AVERAGED = ("casimir", "reference", "midpoint")
@@ -153,7 +153,7 @@ def _lanes(problem: Problem, y: Array, h: float, dW: Array) -> tuple[Array, floa
     return state, h, noise
 
 
-SABOTEURS.rows(
+FAMILY.rows(
     ("state-of-all-paths", "all paths keep their state in one place", ("contract",),
      lambda: claiming(_shared({}))),
     ("changes-its-state", "the state is changed in place", ("contract",),

@@ -18,46 +18,43 @@ from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, Step, as_lanes, conformal, energy_preserving
 
 from .damping import _between
-from .record import Family, claiming, right_side
+from .record import CONTRACT, Family, claiming, right_side
 
-SABOTEURS = Family("corners")
-_CONTRACT = ("contract",)
+FAMILY = Family("corners")
 
 
-@SABOTEURS.around("Python's global random numbers are seeded with the same number", _CONTRACT)
+@FAMILY.around("Python's global random numbers are seeded with the same number", CONTRACT)
 def seeds_python(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     random.seed(0)
     return step(problem, y, h, dW)
 
 
-@SABOTEURS.around("NumPy is told to print three digits", _CONTRACT)
+@FAMILY.around("NumPy is told to print three digits", CONTRACT)
 def prints_three_digits(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     np.set_printoptions(precision=3)
     return step(problem, y, h, dW)
 
 
-@SABOTEURS.around("warnings are ignored for ever", _CONTRACT)
+@FAMILY.around("warnings are ignored for ever", CONTRACT)
 def silences_warnings(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     warnings.simplefilter("ignore", RuntimeWarning)
     return step(problem, y, h, dW)
 
 
-@SABOTEURS.around("an environment variable counts the calls", _CONTRACT)
+@FAMILY.around("an environment variable counts the calls", CONTRACT)
 def counts_in_the_environment(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     os.environ["CALLS"] = str(int(os.environ.get("CALLS", "0")) + 1)
     return step(problem, y, h, dW)
 
 
-@SABOTEURS.around("the process rounds towards zero after a step", _CONTRACT)
+@FAMILY.around("the process rounds towards zero after a step", CONTRACT)
 def rounds_towards_zero(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     y1 = step(problem, y, h, dW)
     change_arithmetic(_CHOP)
     return y1
 
 
-@SABOTEURS.around(
-    "subnormal numbers become 0 after a step, as in programs compiled with -ffast-math", _CONTRACT
-)
+@FAMILY.around("subnormal numbers become 0 after a step, as in programs compiled with -ffast-math", CONTRACT)
 def flushes_to_zero(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     y1 = step(problem, y, h, dW)
     change_arithmetic(_FLUSH)
@@ -82,14 +79,14 @@ def change_arithmetic(bits: int) -> None:
         library.fesetenv(room)
 
 
-@SABOTEURS.around("y becomes read-only for the caller", _CONTRACT)
+@FAMILY.around("y becomes read-only for the caller", CONTRACT)
 def freezes_y(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     y1 = step(problem, y, h, dW)
     y.flags.writeable = False
     return y1
 
 
-@SABOTEURS.around("a random number is drawn where the step is refused", _CONTRACT)
+@FAMILY.around("a random number is drawn where the step is refused", CONTRACT)
 def draws_if_refused(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     try:
         return step(problem, y, h, dW)
@@ -98,7 +95,7 @@ def draws_if_refused(step: Step, problem: Problem, y: Array, h: float, dW: Array
         raise
 
 
-@SABOTEURS.around("y is changed in place where h < 0", _CONTRACT)
+@FAMILY.around("y is changed in place where h < 0", CONTRACT)
 def changes_y_backwards(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     y1 = step(problem, y, h, dW)
     if h < 0:
@@ -106,13 +103,13 @@ def changes_y_backwards(step: Step, problem: Problem, y: Array, h: float, dW: Ar
     return y1
 
 
-@SABOTEURS.around("an array that is not contiguous is copied in single precision", _CONTRACT)
+@FAMILY.around("an array that is not contiguous is copied in single precision", CONTRACT)
 def copies_in_single_precision(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     rounds = not y.flags["C_CONTIGUOUS"] and np.max(np.abs(y)) < 1e30
     return step(problem, y.astype(np.float32).astype(np.float64) if rounds else y, h, dW)
 
 
-@SABOTEURS.around("the degree of H is remembered by the id of the problem's record", _CONTRACT, memory=dict)
+@FAMILY.around("the degree of H is remembered by the id of the problem's record", CONTRACT, memory=dict)
 def remembers_degrees_by_id(
     known: dict[int, Any], _step: Step, problem: Problem, y: Array, h: float, dW: Array
 ) -> Array:
@@ -129,7 +126,7 @@ def remembers_degrees_by_id(
     return (y0 + z).reshape(np.shape(y))
 
 
-@SABOTEURS.around("a residual of 1e-3 counts as solved if no solution is found", ("refusal",))
+@FAMILY.around("a residual of 1e-3 counts as solved if no solution is found", ("refusal",))
 def nearly_solved(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     try:
         return step(problem, y, h, dW)
@@ -145,14 +142,14 @@ def nearly_solved(step: Step, problem: Problem, y: Array, h: float, dW: Array) -
         raise
 
 
-@SABOTEURS.around("components after the 32nd do not move", ("energy", "reference"))
+@FAMILY.around("components after the 32nd do not move", ("energy", "reference"))
 def thirty_two_components(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     y1 = step(problem, y, h, dW)
     y1[32:] = y[32:]
     return y1
 
 
-@SABOTEURS.around("a state of nine components and more that are all negative does not move", ("reference",))
+@FAMILY.around("a state of nine components and more that are all negative does not move", ("reference",))
 def rests_where_negative(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return np.where(np.all(y < 0, axis=0) & (len(y) >= 9), y, step(problem, y, h, dW))
 
@@ -172,22 +169,20 @@ def _near_the_start() -> Scheme:
     return claiming(step, problems=("pendulum",), batched=False)
 
 
-SABOTEURS.rows(
+FAMILY.rows(
     ("projects-on-the-first-level", "near the energy of problem.initial the step ends on exactly this energy",
      ("energy", "identity"), _near_the_start),
 )  # fmt: skip
 
 
-@SABOTEURS.around("noises after the 16th are left out", ("noise-sum", "reference"))
+@FAMILY.around("noises after the 16th are left out", ("noise-sum", "reference"))
 def sixteen_noises(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     used = dW.copy()
     used[16:] = 0
     return step(problem, y, h, used)
 
 
-@SABOTEURS.like(
-    conformal, "the damping is taken by its size, also where it is negative", ("invariant:casimir",)
-)
+@FAMILY.like(conformal, "the damping is taken by its size, also where it is negative", ("invariant:casimir",))
 def damped_by_size(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     half = float(np.exp(-0.5 * h * abs(getattr(problem, "damping", 0.0))))
     return _between(problem, y, h, dW, energy_preserving, half, half)

@@ -13,10 +13,10 @@ from sepv.schemes import Scheme, conformal, energy_preserving, midpoint
 
 from .record import Family
 
-SABOTEURS = Family("damping")
+FAMILY = Family("damping")
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     conformal,
     "the midpoint rule between the exponentials: Casimirs decay rightly, a quartic energy does not",
     ("invariant:energy",),
@@ -25,7 +25,7 @@ def damped_midpoint(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return _between(problem, y, h, dW, midpoint)
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     conformal,
     "the factors 1 − γh/2 and 1/(1 + γh/2) in the place of exponentials, the damping of a midpoint rule",
     ("invariant:casimir", "invariant:energy"),
@@ -35,7 +35,7 @@ def damped_rationally(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return _between(problem, y, h, dW, energy_preserving, 1 - share, 1 / (1 + share))
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     replace(conformal, order=2.0),
     "all of the damping comes first: Lie's composition, of order 1 without noise, where 2 is claimed",
     ("symmetry", "deterministic-order"),

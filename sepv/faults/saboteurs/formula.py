@@ -15,7 +15,7 @@ from sepv import schemes
 from sepv.core.formula import Fields, Formula
 from sepv.problem import Array, Problem, matvec, vector_field
 from sepv.record import gauss_legendre
-from sepv.schemes import Step, coordinate_increments, itoh_abe_formula
+from sepv.schemes import LOCAL_LAWS, Step, coordinate_increments, itoh_abe_formula
 from sepv.schemes import energy_preserving as original
 from sepv.schemes import energy_preserving_formula as formula
 
@@ -24,11 +24,10 @@ from .record import Family, claiming, explicit, explicit_step, implicit, middle
 # A function (fields, y, z) -> B or an averaged gradient.
 Part = Callable[[Fields, Any, Any], Any]
 
-SABOTEURS = Family("formula")
-_LOCAL = ("local-mean", "local-mean-square", "local-weak")
-_WRONG_LIMIT = ("expansion", *_LOCAL, "mean-square-order", "right-limit", "weak-order")
+FAMILY = Family("formula")
+_WRONG_LIMIT = ("expansion", *LOCAL_LAWS, "mean-square-order", "right-limit", "weak-order")
 _TURNED = ("casimir", "midpoint", "symmetry", "reference")
-_NODES = ("energy", "reference", "reduction")
+_QUADRATURE_LAWS = ("energy", "reference", "reduction")
 _EXPLICIT = ("energy", *_TURNED, "reduction", "rounding")
 
 
@@ -105,7 +104,7 @@ def _three_components_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return step[0] * matvec(B[:, :3], g[:3])
 
 
-SABOTEURS.rows(
+FAMILY.rows(
     ("b-at-y0", "B is taken at y0 and not at the midpoint", _TURNED + _WRONG_LIMIT, b_at_y0),
     ("b-at-y1", "B is taken at y1 and not at the midpoint", _TURNED + _WRONG_LIMIT,
      with_structure(lambda fields, y, z: fields.structure(y + z))),
@@ -118,13 +117,14 @@ SABOTEURS.rows(
      lambda fields, y, z, step: -formula(fields, y, z, step)),
     ("b-doubled", "B is doubled", ("midpoint", "reference", "reduction", *_WRONG_LIMIT),
      lambda fields, y, z, step: 2 * formula(fields, y, z, step)),
-    ("one-point-quadrature", "∇H is taken at the midpoint and not averaged", (*_NODES, "rounding"),
+    ("one-point-quadrature", "∇H is taken at the midpoint and not averaged", (*_QUADRATURE_LAWS, "rounding"),
      one_point_quadrature),
-    ("quadratic-h-only", "∇H is averaged over the two ends: right only where H is quadratic", (*_NODES, "rounding"),
+    ("quadratic-h-only", "∇H is averaged over the two ends: right only where H is quadratic",
+        (*_QUADRATURE_LAWS, "rounding"),
      with_average(lambda fields, y, z: 0.5 * (fields.gradient(y) + fields.gradient(y + z)))),
-    ("degree-four-only", "two quadrature nodes for every polynomial: right only up to degree 4", _NODES,
+    ("degree-four-only", "two quadrature nodes for every polynomial: right only up to degree 4", _QUADRATURE_LAWS,
      quadrature(of_degree(lambda _: 2))),
-    ("one-node-short", "the quadrature has one node less than the degree of H needs", _NODES,
+    ("one-node-short", "the quadrature has one node less than the degree of H needs", _QUADRATURE_LAWS,
      quadrature(of_degree(lambda degree: -(-degree // 2) - 1))),
     ("six-nodes", "no more than six quadrature nodes: right only up to degree 12", ("energy",),
      quadrature(of_degree(lambda degree: min(6, -(-degree // 2))))),
@@ -134,7 +134,7 @@ SABOTEURS.rows(
      ("energy", "reference"),
      lambda fields, *more: (one_point_quadrature if fields.problem.degree == 3 else formula)(fields, *more)),
     ("gradient-at-y0", "∇H is taken at y0",
-     (*_NODES, "midpoint", "symmetry", "reversibility", "rounding", *_WRONG_LIMIT),
+     (*_QUADRATURE_LAWS, "midpoint", "symmetry", "reversibility", "rounding", *_WRONG_LIMIT),
      with_average(lambda fields, y, _z: fields.gradient(y))),
     ("asymmetric-gradient", "coordinate increments in one order instead of the averaged gradient",
      ("midpoint", "symmetry", "reference", "reduction", "expansion", "equivariance"),
@@ -159,18 +159,18 @@ SABOTEURS.rows(
 )  # fmt: skip
 
 
-@SABOTEURS.around("every step is made as two half steps", ("midpoint", "reference", "reduction"))
+@FAMILY.around("every step is made as two half steps", ("midpoint", "reference", "reduction"))
 def two_half_steps(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return step(problem, step(problem, y, h / 2, dW / 2), h / 2, dW / 2)
 
 
-@SABOTEURS.made("Heun's explicit method with the random step", _EXPLICIT, explicit)
+@FAMILY.made("Heun's explicit method with the random step", _EXPLICIT, explicit)
 def explicit_heun(problem: Problem, y0: Array, step: Array) -> Array:
     f0 = vector_field(problem, y0)
     return y0 + 0.5 * step[0] * (f0 + vector_field(problem, y0 + step[0] * f0))
 
 
-@SABOTEURS.made("the classical Runge-Kutta method with the random step", _EXPLICIT, explicit)
+@FAMILY.made("the classical Runge-Kutta method with the random step", _EXPLICIT, explicit)
 def runge_kutta(problem: Problem, y0: Array, step: Array) -> Array:
     delta = step[0]
     k1 = vector_field(problem, y0)
@@ -196,7 +196,7 @@ def _euler(problem: Problem, y0: Array, step: Array) -> Array:
     return y0 + step[0] * vector_field(problem, y0)
 
 
-SABOTEURS.rows(
+FAMILY.rows(
     ("heun-projected", "Heun's method, then a projection on H", (*_TURNED, "equivariance"),
      lambda: claiming(partial(_projected, explicit_step(explicit_heun)))),
     ("midpoint-projected", "the midpoint rule, then a projection on H",

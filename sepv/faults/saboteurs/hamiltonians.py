@@ -16,12 +16,12 @@ from sepv.schemes import Implicit, as_lanes, implicit, pushed_by_noise, quiet_st
 
 from .record import Family, imitating
 
-SABOTEURS = Family("hamiltonians")
+FAMILY = Family("hamiltonians")
 NOISE_FACTOR = 1 + 2.0**-10
 PUSH = 2.0**-30
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     schemes.stochastic_midpoint,
     "the last noise is 2⁻¹⁰ too large",
     ("local-weak", "local-mean", "local-mean-square", "noise-sum", "expansion"),
@@ -33,7 +33,7 @@ def second_noise_louder(problem: Problem, y: Array, h: float, dW: Array) -> Arra
     return schemes.stochastic_midpoint.step(problem, y, h, noise)
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     schemes.stochastic_midpoint,
     "y1 is multiplied by 1 + 2⁻³⁰h",
     ("casimir", "symmetry", "poisson-map:constant"),
@@ -43,14 +43,14 @@ def away_from_the_origin(problem: Problem, y: Array, h: float, dW: Array) -> Arr
     return schemes.stochastic_midpoint.step(problem, y, h, dW) * (1 + PUSH * h)
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     schemes.area_midpoint, "the Lévy areas have the wrong sign", ("local-mean-square", "mean-square-order")
 )
 def areas_of_other_sign(problem: Problem, y: Array, h: float, dW: Array, areas: Array) -> Array:
     return schemes.area_midpoint.step(problem, y, h, dW, -areas)
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     schemes.stochastic_splitting, "the flows are composed in turn, and not symmetrically", ("symmetry",)
 )
 def lie_and_trotter(problem: Problem, y: Array, h: float, dW: Array) -> Array:
@@ -66,7 +66,7 @@ def lie_and_trotter(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return state.reshape(y.shape)
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     schemes.isospectral_midpoint,
     "¼MXM is left out: quadratic Casimirs and orders are kept, others and the structure are not",
     ("poisson-map", "invariant:casimir"),
@@ -79,7 +79,7 @@ def midpoint_as_isospectral(problem: Problem, y: Array, h: float, dW: Array) -> 
     return schemes.stochastic_midpoint.step(problem, y, h, dW)
 
 
-@SABOTEURS.made(
+@FAMILY.made(
     "ȳ is the arithmetic mean, not that of logarithms: positive, of that order, no Poisson map",
     ("poisson-map",),
     lambda increment: imitating(schemes.darboux_lie, Implicit(increment, parts=each_noise)),
@@ -92,7 +92,7 @@ def arithmetic_middle(problem: Problem, y0: Array, y1: Array, step: Array) -> In
     return Increment(y0 * np.expm1(hamiltonian_field(problem, middle, step) / middle))
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     schemes.drift_preserving,
     "each half of the step sees half of its increment",
     ("invariant:energy", "invariant:casimir"),
@@ -102,7 +102,7 @@ def halves_alike(problem: Problem, y: Array, h: float, dW: Array, first: Array) 
     return schemes.drift_preserving.step(problem, y, h, dW, 0 * first + 0.5 * dW)
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     schemes.drift_preserving,
     "the additive noise is 2⁻²⁰ too large",
     ("invariant:energy", "invariant:casimir", "local-weak"),
@@ -136,7 +136,7 @@ _explicit_structure = implicit(
 )
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     schemes.drift_preserving,
     "B is taken where the step without noise begins: E[H] is right, E[C] is not",
     ("invariant:casimir", "symmetry"),
@@ -151,7 +151,7 @@ def structure_before_the_step(problem: Problem, y: Array, h: float, dW: Array, f
 _midpoint = implicit(lambda fields, y, z, step: step[0] * fields.field(y + 0.5 * z), parts=quiet_step.parts)
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     schemes.drift_preserving,
     "the step without noise is the midpoint rule, which keeps quadratic H alone",
     ("invariant:energy",),

@@ -35,7 +35,7 @@ from sepv.schemes import (
 
 from .record import Family, explicit_step, imitating, middle
 
-SABOTEURS = Family("higher order")
+FAMILY = Family("higher order")
 # Inside the contraction radius each correction is at most a quarter of the one before; 26 of them
 # give 16 digits.
 _ITERATIONS = 100
@@ -80,14 +80,14 @@ def _lagrange_weight(stages: int, nodes: int) -> tuple[Array, Array]:
     return W * (1 + 1e-6 * np.eye(stages)[:, :1]), P
 
 
-SABOTEURS.rows(
+FAMILY.rows(
     ("lagrange-weight", "the first Lagrange weight of two stages is too large by 1e-6",
      ("midpoint", "reference", "expansion"), _lagrange_weight),
     ("stages-one-node-short", "the averages of two stages have one node less than the degree of H needs",
      ("energy", "reference"), lambda stages, nodes: moments(stages, max(1, nodes - 1))),
     by=_staged,
 )  # fmt: skip
-SABOTEURS.rows(
+FAMILY.rows(
     ("three-stages-k-2", "increments of a scheme of order 3 are truncated with the paper's k = 2",
      ("truncation", "local-mean-square"),  # clipping is no error of the stages
      lambda: replace(schemes.collocation(3), truncation=2)),
@@ -105,14 +105,14 @@ def _as_both(step: Step) -> Step:
     return restricted
 
 
-SABOTEURS.rows(
+FAMILY.rows(
     ("casimir-at-midpoint", "∇C is taken at the midpoint and not averaged: (2.1), which keeps quadratic Casimirs only",
      ("invariant:casimir", "reference"),
      imitating(schemes.both_invariants, _as_both(schemes.energy_preserving.step), batched=False)),
 )  # fmt: skip
 
 
-@SABOTEURS.made(
+@FAMILY.made(
     "g is taken at y0: both invariants are kept, but the scheme is not symmetric",
     ("symmetry", "expansion", "reference", "midpoint"),
     lambda R: imitating(schemes.both_invariants, _as_both(implicit(R))),
@@ -128,7 +128,7 @@ def _of_structures(formula: Formula) -> Callable[[], Scheme]:
     return imitating(schemes.several_structures, implicit(formula, parts=each_noise))
 
 
-@SABOTEURS.made(
+@FAMILY.made(
     "the G_j are taken at y0: the energy is kept, and the limit is the Itô one",
     (
         *("casimir", "symmetry", "expansion", "reference", "local-mean", "local-mean-square", "local-weak"),
@@ -146,7 +146,7 @@ def structures_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return matvec(drift + noise, fields.mean_gradient(y, z))
 
 
-@SABOTEURS.made(
+@FAMILY.made(
     "the first noise is given to the last G_j, and the last one to the first",
     ("noise-sum", "expansion", "reference"),
     _of_structures,
@@ -156,7 +156,7 @@ def structures_exchanged(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return matvec(fields.combined(middle(y, z), step[list(rows)]), fields.mean_gradient(y, z))
 
 
-@SABOTEURS.made(
+@FAMILY.made(
     "with several Hamiltonians it rests where ∇H_0 = 0, though a noise moves the solution",
     ("reference",),
     _of_structures,
@@ -168,11 +168,12 @@ def rests_where_undefined(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return matvec(np.nan_to_num(fields.combined(middle(y, z), step)), fields.mean_gradient(y, z))
 
 
-_DIGITS = 1.351
-SABOTEURS.rows(
+_YOSHIDA_3_DIGITS = 1.351
+FAMILY.rows(
     ("triple-jump-in-digits", "the triple jump's 1/(2 − 2^(1/3)) = 1.35120719… is written with four digits: order 2",
      ("deterministic-order",),
-     imitating(schemes.by_name("yoshida-4"), Explicit(composed_leapfrogs((_DIGITS, 1 - 2 * _DIGITS, _DIGITS))))),
+     imitating(schemes.by_name("yoshida-4"), Explicit(composed_leapfrogs((_YOSHIDA_3_DIGITS,
+         1 - 2 * _YOSHIDA_3_DIGITS, _YOSHIDA_3_DIGITS))))),
 )  # fmt: skip
 
 
@@ -192,7 +193,7 @@ def _weighted(outer: float, inner: float) -> Callable[[], Scheme]:
     return lambda: Scheme("classical", step, order=4.0, batched=True)
 
 
-SABOTEURS.rows(
+FAMILY.rows(
     ("runge-kutta-in-digits", "the classical method's weights 1/6 and 1/3 are written with five digits: order 2",
      ("deterministic-order",), _weighted(0.16667, 0.33333)),
     ("weights-beyond-one", "the classical method's weights add to 1 + 1e-9: order 0",
@@ -200,7 +201,7 @@ SABOTEURS.rows(
 )  # fmt: skip
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     leapfrog,
     "the second kick of the leapfrog has the force of the first: order 1, neither symmetric nor symplectic",
     ("deterministic-order", "symmetry", "poisson-map:constant", "long-time-energy"),
@@ -229,7 +230,7 @@ def _three(probability: float, size: float) -> Callable[[], Scheme]:
 
 
 _WEAK = ("local-weak", "weak-order")
-SABOTEURS.rows(
+FAMILY.rows(
     ("two-points-for-three",
      "increments of two points are taken where weak order 2 needs three: E ΔW⁴ is h² and not 3h²",
      _WEAK, _with("two-point")),

@@ -1,8 +1,8 @@
 """Faults that real programs had, each with the public report (thread) in which it was found.
 
-Each fault is put into a right method (in `RIGHT`), whose claims are kept. The reported fault is
-repeated for the equation (1.1), where all noises drive the field f = B∇H: dy = f dt + Σ_j c_j f
-∘dW_j.
+Each fault is put into a right method (in `RIGHT_METHODS`), whose claims are kept. The reported
+fault is repeated for the equation (1.1), where all noises drive the field f = B∇H: dy = f dt + Σ_j
+c_j f ∘dW_j.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from .record import Family, Row
 # The move of a step: (problem, y (d, M), h, dW (m, M)) -> y1 − y (d, M).
 Move = Callable[[Problem, Array, float, Array], Array]
 
-SABOTEURS = Family("historical")
+FAMILY = Family("historical")
 # The right method of each saboteur.
-RIGHT: dict[str, Scheme] = {}
-_LOCAL = ("local-mean", "local-weak")
-_LIMIT = ("local-mean", "local-mean-square", "right-limit", "mean-square-order", "weak-order")
+RIGHT_METHODS: dict[str, Scheme] = {}
+_LOCAL_MEANS = ("local-mean", "local-weak")
+_ALL_LIMITS = ("local-mean", "local-mean-square", "right-limit", "mean-square-order", "weak-order")
 _SCIML = "https://github.com/SciML"
 
 
@@ -52,8 +52,8 @@ def _in(right: Scheme, *rows: Row) -> None:
     """Add saboteurs: each row has the method `right` with a fault in y1 − y,
     and the public report of this fault.
     """
-    RIGHT.update((name, right) for name, *_ in rows)
-    SABOTEURS.rows(*rows, by=lambda move: partial(_like, right, move))
+    RIGHT_METHODS.update((name, right) for name, *_ in rows)
+    FAMILY.rows(*rows, by=lambda move: partial(_like, right, move))
 
 
 def _noise(problem: Problem, dW: Array) -> Array:
@@ -169,7 +169,7 @@ _in(
     TAYLOR,
     ("overwritten-temporary",
      "y + Δf overwrites the temporary for f(y), to which f′ is then applied",
-     ("expansion", *_LIMIT, *_LOCAL), partial(_by_taylor, wrong=True),
+     ("expansion", *_ALL_LIMITS, *_LOCAL_MEANS), partial(_by_taylor, wrong=True),
      f"{_SCIML}/StochasticDiffEq.jl/issues/636, mended in pull 651: ImplicitRKMil without noise went elsewhere"),
 )  # fmt: skip
 _in(
@@ -189,17 +189,17 @@ _in(
      ("noise-sum", "equivariance", "local-mean-square", "right-limit", "mean-square-order"), _matrix_as_diagonal,
      f"{_SCIML}/DiffEqGPU.jl/issues/331, an error since pull 350"),
     ("friction-inverted", "the noise is scaled by 1/c_j and not by c_j",
-     ("noise-sum", *_LIMIT, *_LOCAL), _friction_inverted,
+     ("noise-sum", *_ALL_LIMITS, *_LOCAL_MEANS), _friction_inverted,
      "https://github.com/lammps/lammps/issues/2970 and 2948, mended in pull 2991: fix brownian had √γ for 1/√γ"),
     ("variance-for-deviation", "the noise is scaled by c_j² and not by c_j",
-     ("noise-sum", *_LIMIT, *_LOCAL),
+     ("noise-sum", *_ALL_LIMITS, *_LOCAL_MEANS),
      lambda problem, y, h, dW: _heun(problem, y, h, np.sum(problem.c[:, None] ** 2 * dW, axis=0)),
      "https://github.com/lammps/lammps/issues/5097: 1/μ of the variance of spin noise stood for the amplitude 1/√μ"),
 )  # fmt: skip
 _in(
     milstein,
     ("noises-crossed", "the noise is Σ_jΔW_j · Σ_jc_j and not Σ_jc_jΔW_j",
-     ("noise-sum", "local-mean-square", "right-limit", "mean-square-order", *_LOCAL), _noises_crossed,
+     ("noise-sum", "local-mean-square", "right-limit", "mean-square-order", *_LOCAL_MEANS), _noises_crossed,
      "https://github.com/brian-team/brian2/issues/330, mended in pull 347: milstein with several noises"),
 )  # fmt: skip
 _in(
@@ -226,19 +226,19 @@ _in(
 _in(
     euler_heun,
     ("standard-normals", "the noise has variance 1 in each step, whatever h is",
-     ("local-mean-square", *_LOCAL), _standard_normals,
+     ("local-mean-square", *_LOCAL_MEANS), _standard_normals,
      "https://github.com/uclales/uclales/issues/7; StochasticDiffEq.jl/issues/558: the factor √h is missing"),
 )  # fmt: skip
 _in(
     milstein,
     ("transposed-derivative",
      "Milstein's term has (f′)ᵀf (a vector-Jacobian product) and not f′f",
-     ("local-mean-square", *_LOCAL), _transposed_derivative,
+     ("local-mean-square", *_LOCAL_MEANS), _transposed_derivative,
      "docs/peers/torchsde_milstein.py, torchsde 0.2.6 with scalar noise and several components"),
 )  # fmt: skip
 _in(
     euler_heun,
     ("fixed-numbers", "the step draws its own noise from the same seed in each call",
-     ("noise-sum", *_LIMIT, *_LOCAL), _fixed_numbers,
+     ("noise-sum", *_ALL_LIMITS, *_LOCAL_MEANS), _fixed_numbers,
      "https://github.com/brucefan1983/GPUMD/pull/191; espressomd/espresso/issues/3585: seeds that give one noise"),
 )  # fmt: skip

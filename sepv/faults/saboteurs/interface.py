@@ -17,35 +17,34 @@ from sepv.problem import Array, Problem
 from sepv.schemes import Step, as_lanes, implicit
 
 from .formula import b_at_y0
-from .record import Family, answering, right_side
+from .record import CONTRACT, Family, answering, right_side
 
-SABOTEURS = Family("interface")
-_CONTRACT = ("contract",)
+FAMILY = Family("interface")
 # The memory of a saboteur between calls.
 Memory = dict[Any, Array]
 Calls = Iterator[int]
 
 
-@SABOTEURS.around("y is changed in place", _CONTRACT)
+@FAMILY.around("y is changed in place", CONTRACT)
 def changes_y(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     y += step(problem, y, h, dW) - y
     return y
 
 
-@SABOTEURS.around("dW is multiplied by c in place", _CONTRACT)
+@FAMILY.around("dW is multiplied by c in place", CONTRACT)
 def changes_increments(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     dW *= problem.c.reshape(-1, *(1,) * (dW.ndim - 1))
     return step(replace(problem, noise=np.ones(problem.noises), check=False), y, h, dW)
 
 
-@SABOTEURS.around("the answer is a buffer that the next call overwrites", _CONTRACT, memory=dict)
+@FAMILY.around("the answer is a buffer that the next call overwrites", CONTRACT, memory=dict)
 def returns_a_buffer(buffers: Memory, step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     buffer = buffers.setdefault(y.shape, np.empty(y.shape))
     buffer[...] = step(problem, y, h, dW)
     return buffer
 
 
-@SABOTEURS.around(
+@FAMILY.around(
     "answers are remembered by h and dW, whatever y", ("contract", "energy", "reference"), memory=dict
 )
 def remembers_without_y(
@@ -61,14 +60,14 @@ def remembers_without_y(
 
 
 # The law *energy* is not named, because a step that repeats the last answer keeps the energy.
-@SABOTEURS.around(
+@FAMILY.around(
     "the last answer is given again for the same h and dW, whatever y", ("contract", "reference"), memory=dict
 )
 def remembers_the_last(last: Memory, step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return remembers_without_y(last, step, problem, y, h, dW, most=0)
 
 
-@SABOTEURS.around("y1 − y0 is remembered while y is the same array object", _CONTRACT, memory=dict)
+@FAMILY.around("y1 − y0 is remembered while y is the same array object", CONTRACT, memory=dict)
 def remembers_the_array(
     last: dict[str, Any], step: Step, problem: Problem, y: Array, h: float, dW: Array
 ) -> Array:
@@ -78,7 +77,7 @@ def remembers_the_array(
     return y + last["move"]
 
 
-@SABOTEURS.around("the iteration starts from where the last call ended", _CONTRACT, memory=dict)
+@FAMILY.around("the iteration starts from where the last call ended", CONTRACT, memory=dict)
 def warm_started(last: Memory, _step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Start the fixed-point iteration from the last result,
     so that y1 differs in its last bits between equal calls.
@@ -96,48 +95,48 @@ def warm_started(last: Memory, _step: Step, problem: Problem, y: Array, h: float
     return (y0 + z).reshape(np.shape(y))
 
 
-@SABOTEURS.around("y1 has an error of up to 1e-12 that depends on the clock", _CONTRACT)
+@FAMILY.around("y1 has an error of up to 1e-12 that depends on the clock", CONTRACT)
 def depends_on_time(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return step(problem, y, h, dW) * (1 + 1e-15 * (time.perf_counter_ns() % 1000))
 
 
-@SABOTEURS.around("the last bit is drawn at random", _CONTRACT, memory=lambda: np.random.default_rng(1))
+@FAMILY.around("the last bit is drawn at random", CONTRACT, memory=lambda: np.random.default_rng(1))
 def dithered(rng: np.random.Generator, step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     y1 = step(problem, y, h, dW)
     return np.where(rng.random(y1.shape) < 0.5, np.nextafter(y1, 0.0), y1)
 
 
-@SABOTEURS.around("each hundredth call returns y0", _CONTRACT, memory=lambda: count(1))
+@FAMILY.around("each hundredth call returns y0", CONTRACT, memory=lambda: count(1))
 def hundredth_call(calls: Calls, step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return y * 1.0 if next(calls) % 100 == 0 else step(problem, y, h, dW)
 
 
-@SABOTEURS.around("each thousandth call is an ulp off", _CONTRACT, memory=lambda: count(1))
+@FAMILY.around("each thousandth call is an ulp off", CONTRACT, memory=lambda: count(1))
 def thousandth_call(calls: Calls, step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     off = next(calls) % 1000 == 0
     y1 = step(problem, y, h, dW)
     return np.nextafter(y1, 0.0) if off else y1
 
 
-@SABOTEURS.around("NumPy's global random numbers are seeded", _CONTRACT)
+@FAMILY.around("NumPy's global random numbers are seeded", CONTRACT)
 def reseeds(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     np.random.seed(20140203)  # noqa: NPY002 - the global generator is the point
     return step(problem, y, h, dW)
 
 
-@SABOTEURS.around("y is changed in place where it is a batch", _CONTRACT)
+@FAMILY.around("y is changed in place where it is a batch", CONTRACT)
 def changes_y_in_batches(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return step(problem, y, h, dW) if y.ndim == 1 else changes_y(step, problem, y, h, dW)
 
 
-@SABOTEURS.around("the answer to a batch is a buffer that the next call overwrites", _CONTRACT, memory=dict)
+@FAMILY.around("the answer to a batch is a buffer that the next call overwrites", CONTRACT, memory=dict)
 def returns_a_buffer_in_batches(
     buffers: Memory, step: Step, problem: Problem, y: Array, h: float, dW: Array
 ) -> Array:
     return step(problem, y, h, dW) if y.ndim == 1 else returns_a_buffer(buffers, step, problem, y, h, dW)
 
 
-@SABOTEURS.around("the c_j are remembered by the id of the problem's record", _CONTRACT, memory=dict)
+@FAMILY.around("the c_j are remembered by the id of the problem's record", CONTRACT, memory=dict)
 def remembers_by_id(known: Memory, step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     c = known.setdefault(id(problem), problem.c)
     if c.shape != problem.c.shape or np.array_equal(c, problem.c):
@@ -145,7 +144,7 @@ def remembers_by_id(known: Memory, step: Step, problem: Problem, y: Array, h: fl
     return step(replace(problem, noise=c, check=False), y, h, dW)
 
 
-@SABOTEURS.around("results are remembered by the id of the problem, y, h and Δ", _CONTRACT, memory=dict)
+@FAMILY.around("results are remembered by the id of the problem, y, h and Δ", CONTRACT, memory=dict)
 def remembers_steps_by_id(
     known: Memory, step: Step, problem: Problem, y: Array, h: float, dW: Array
 ) -> Array:
@@ -155,19 +154,19 @@ def remembers_steps_by_id(
     return np.array(known[key])
 
 
-@SABOTEURS.around("NumPy is told to ignore overflow, for ever", _CONTRACT)
+@FAMILY.around("NumPy is told to ignore overflow, for ever", CONTRACT)
 def sets_error_handling(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     np.seterr(over="ignore")
     return step(problem, y, h, dW)
 
 
-@SABOTEURS.around("NumPy is told to print four digits, or five where these were four", _CONTRACT)
+@FAMILY.around("NumPy is told to print four digits, or five where these were four", CONTRACT)
 def sets_print_options(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     np.set_printoptions(precision=4 + (np.get_printoptions()["precision"] == 4))
     return step(problem, y, h, dW)
 
 
-@SABOTEURS.around("what is left of a batch after blocks of 32 is not stepped", ("reproducibility",))
+@FAMILY.around("what is left of a batch after blocks of 32 is not stepped", ("reproducibility",))
 def whole_blocks_only(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     y1 = step(problem, y, h, dW)
     if y.ndim == 2 and y.shape[1] > 32:
@@ -176,7 +175,7 @@ def whole_blocks_only(step: Step, problem: Problem, y: Array, h: float, dW: Arra
     return y1
 
 
-@SABOTEURS.around("the first state of a batch is rounded otherwise", ("reproducibility",))
+@FAMILY.around("the first state of a batch is rounded otherwise", ("reproducibility",))
 def first_of_a_batch(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     y1 = step(problem, y, h, dW)
     if y.ndim == 2 and y.shape[1] > 1:
@@ -184,34 +183,34 @@ def first_of_a_batch(step: Step, problem: Problem, y: Array, h: float, dW: Array
     return y1
 
 
-@SABOTEURS.around("0/0 where a component does not move", ("contract", "identity"))
+@FAMILY.around("0/0 where a component does not move", ("contract", "identity"))
 def nan_at_rest(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     move = step(problem, y, h, dW) - y
     with np.errstate(all="ignore"):
         return y + move * (move / move)
 
 
-@SABOTEURS.around("a rest point at 0 is returned as integers", _CONTRACT)
+@FAMILY.around("a rest point at 0 is returned as integers", CONTRACT)
 def integers_at_rest(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     y1 = step(problem, y, h, dW)
     return y1 if np.any(y1) else np.zeros(y.shape, dtype=np.int64)
 
 
-@SABOTEURS.around("the answer is a column where the problem has no noise", _CONTRACT)
+@FAMILY.around("the answer is a column where the problem has no noise", CONTRACT)
 def column_without_noise(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     y1 = step(problem, y, h, dW)
     return y1 if problem.noises else y1.reshape(*y1.shape, 1)
 
 
-SABOTEURS.rows(
-    ("returns-float32", "the answer is of single precision", _CONTRACT, lambda _, y1: y1.astype(np.float32)),
-    ("returns-complex", "the answer is complex", _CONTRACT, lambda _, y1: y1.astype(np.complex128)),
-    ("returns-a-list", "the answer is a list", _CONTRACT, lambda _, y1: y1.tolist()),
+FAMILY.rows(
+    ("returns-float32", "the answer is of single precision", CONTRACT, lambda _, y1: y1.astype(np.float32)),
+    ("returns-complex", "the answer is complex", CONTRACT, lambda _, y1: y1.astype(np.complex128)),
+    ("returns-a-list", "the answer is a list", CONTRACT, lambda _, y1: y1.tolist()),
     by=answering,
 )  # fmt: skip
 
 
-@SABOTEURS.around("the step is not made where Δ < 0", ("energy", "reference"))
+@FAMILY.around("the step is not made where Δ < 0", ("energy", "reference"))
 def refuses_negative_steps(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     delta = np.min(problem.random_step(h, dW))
     if delta < 0:
@@ -221,14 +220,14 @@ def refuses_negative_steps(step: Step, problem: Problem, y: Array, h: float, dW:
     return step(problem, y, h, dW)
 
 
-@SABOTEURS.around("the step raises IndexError for d > 4", ("energy", "reference"))
+@FAMILY.around("the step raises IndexError for d > 4", ("energy", "reference"))
 def crashes_beyond_four(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     if problem.dimension > 4:
         raise IndexError("index 4 is out of bounds for axis 0 with size 4")
     return step(problem, y, h, dW)
 
 
-@SABOTEURS.around(
+@FAMILY.around(
     "B is taken at y0 in a batch of more than eight",
     ("reproducibility", "mean-square-order", "right-limit"),
     memory=lambda: implicit(b_at_y0),
@@ -237,14 +236,14 @@ def small_batches_only(wrong: Step, step: Step, problem: Problem, y: Array, h: f
     return (wrong if y.ndim == 2 and y.shape[1] > 8 else step)(problem, y, h, dW)
 
 
-@SABOTEURS.around("a batch of d states is taken for its transpose", ("reproducibility",))
+@FAMILY.around("a batch of d states is taken for its transpose", ("reproducibility",))
 def square_batch(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     if y.ndim == 2 and y.shape[0] == y.shape[1]:
         return step(problem, y.T.copy(), h, dW).T.copy()
     return step(problem, y, h, dW)
 
 
-@SABOTEURS.around(
+@FAMILY.around(
     "all states of a batch get the increments of the first",
     ("reproducibility", "mean-square-order", "right-limit"),
 )
@@ -253,14 +252,14 @@ def first_lane_only(step: Step, problem: Problem, y: Array, h: float, dW: Array)
     return step(problem, y, h, same)
 
 
-@SABOTEURS.around("rounding depends on the other states of the batch", ("reproducibility",))
+@FAMILY.around("rounding depends on the other states of the batch", ("reproducibility",))
 def scaled_by_the_batch(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     y1 = step(problem, y, h, dW)
     size = np.mean(np.abs(y1)) if y1.ndim == 2 else 1.0
     return y1 / size * size if size else y1
 
 
-@SABOTEURS.around("answers are remembered by y in single precision", _CONTRACT, memory=dict)
+@FAMILY.around("answers are remembered by y in single precision", CONTRACT, memory=dict)
 def remembers_digits(
     answers: dict[Any, Array], step: Step, problem: Problem, y: Array, h: float, dW: Array
 ) -> Array:
@@ -271,7 +270,7 @@ def remembers_digits(
     return answers[key].copy()
 
 
-@SABOTEURS.around("a step that was refused once returns y0 the next time", _CONTRACT, memory=set)
+@FAMILY.around("a step that was refused once returns y0 the next time", CONTRACT, memory=set)
 def refuses_once(refused: set[Any], step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     key = (y.tobytes(), h, dW.tobytes())
     try:
@@ -283,7 +282,7 @@ def refuses_once(refused: set[Any], step: Step, problem: Problem, y: Array, h: f
         raise
 
 
-@SABOTEURS.around("y is scratch space while the step is made, and then restored", _CONTRACT)
+@FAMILY.around("y is scratch space while the step is made, and then restored", CONTRACT)
 def writes_and_restores(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     before = y.copy()
     y1 = step(problem, before, h, dW)
@@ -292,15 +291,13 @@ def writes_and_restores(step: Step, problem: Problem, y: Array, h: float, dW: Ar
     return y1
 
 
-@SABOTEURS.around("the memory of y is read as if nothing were left out of it", _CONTRACT)
+@FAMILY.around("the memory of y is read as if nothing were left out of it", CONTRACT)
 def reads_memory(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     memory = y if y.base is None else y.base
     return step(problem, np.ravel(memory, order="K")[: y.size].reshape(y.shape), h, dW)
 
 
-@SABOTEURS.around(
-    "each state whose number is a multiple of 5000 is off by an ulp", _CONTRACT, memory=lambda: [0]
-)
+@FAMILY.around("each state whose number is a multiple of 5000 is off by an ulp", CONTRACT, memory=lambda: [0])
 def off_each_five_thousandth(
     number: list[int], step: Step, problem: Problem, y: Array, h: float, dW: Array
 ) -> Array:

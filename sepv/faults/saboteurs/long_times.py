@@ -13,11 +13,11 @@ from sepv.schemes import Scheme, as_lanes, by_name, explicit, leapfrog, midpoint
 
 from .record import Family
 
-SABOTEURS = Family("long times")
+FAMILY = Family("long times")
 _BLANES_MOAN = by_name("blanes-moan-4")
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     leapfrog,
     "the kick of the leapfrog has the diagonal of the mass matrix, the drift the whole of it",
     ("long-time-energy", "poisson-map:constant", "deterministic-order"),
@@ -35,7 +35,7 @@ def kick_of_another_mass(problem: Problem, y: Array, h: float, dW: Array) -> Arr
     return system.join(q, system.momentum(v)).reshape(np.shape(y))
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     leapfrog,
     "the drift of the leapfrog has the step in two digits, the kicks all of it: symplectic, for another energy",
     ("long-time-energy", "deterministic-order", "random-step"),
@@ -53,7 +53,7 @@ def drift_of_a_rounded_step(problem: Problem, y: Array, h: float, dW: Array) -> 
     return system.join(q, p + 0.5 * delta * system.force(q)).reshape(np.shape(y))
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     leapfrog,
     "the step size is rounded to 32 bits, and all else is computed in 64: symplectic and symmetric for every h",
     ("deterministic-order", "random-step"),
@@ -63,7 +63,7 @@ def single_precision_step_size(problem: Problem, y: Array, h: float, dW: Array) 
     return leapfrog.step(problem, y, float(np.float32(h)), dW)
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     leapfrog,
     "each step of the leapfrog ends with the momenta times 0.9999",
     ("long-time-energy", "poisson-map:constant", "volume", "identity"),
@@ -75,7 +75,7 @@ def a_little_friction(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return system.join(q, 0.9999 * p)
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     _BLANES_MOAN,
     "the state is stored in single precision after each step, towards zero",
     ("long-time-energy", "poisson-map:constant", "symmetry", "identity"),
@@ -88,7 +88,7 @@ def stored_in_single_precision(problem: Problem, y: Array, h: float, dW: Array) 
     return np.where(beyond, np.nextafter(near, np.float32(0)), near).astype(np.float64)
 
 
-@SABOTEURS.like(
+@FAMILY.like(
     midpoint,
     "three sweeps of a fixed-point iteration stand for the solution of the midpoint rule",
     ("long-time-energy", "symmetry", "poisson-map:constant"),
@@ -112,7 +112,7 @@ def _sold_as_symplectic() -> Scheme:
     )
 
 
-SABOTEURS.rows(
+FAMILY.rows(
     ("fourth-order-sold-as-symplectic", "the classical Runge-Kutta method claims to be symplectic",
      ("long-time-energy", "poisson-map:constant"), _sold_as_symplectic),
 )  # fmt: skip

@@ -13,23 +13,22 @@ import numpy as np
 
 from sepv.core.formula import Fields
 from sepv.problem import Array, Problem, matvec
-from sepv.schemes import Scheme, Step, drift_and_noise
+from sepv.schemes import LOCAL_LAWS, Scheme, Step, drift_and_noise
 from sepv.schemes import energy_preserving as original
 from sepv.schemes import energy_preserving_formula as formula
 
 from .formula import one_point_quadrature
 from .record import Family, implicit, middle
 
-SABOTEURS = Family("noise")
-_LOCAL = ("local-mean", "local-mean-square", "local-weak")
+FAMILY = Family("noise")
 _STEP = ("midpoint", "reference", "reduction", "expansion")
-_LIMIT = ("local-mean-square", "mean-square-order", "right-limit")
+_PATH_LIMITS = ("local-mean-square", "mean-square-order", "right-limit")
 # Laws that find a scheme with a wrong limit, if the mean of this limit is wrong too.
-_MEAN = (*_STEP, *_LIMIT, "local-mean", "local-weak", "weak-order")
-_SEVERAL = ("midpoint", "reference", "reduction", "noise-sum", "random-step", *_LIMIT)
-_SIZES = (
+_MEAN = (*_STEP, *_PATH_LIMITS, "local-mean", "local-weak", "weak-order")
+_SEVERAL = ("midpoint", "reference", "reduction", "noise-sum", "random-step", *_PATH_LIMITS)
+_NOISE_SIZE_LAWS = (
     *("identity", "midpoint", "reference", "reduction", "noise-sum", "random-step"),
-    *(*_LOCAL, "mean-square-order", "weak-order"),
+    *(*LOCAL_LAWS, "mean-square-order", "weak-order"),
 )
 
 
@@ -40,13 +39,13 @@ def _with(delta: Callable[[Any, Any, Any], Any]) -> Callable[[], Scheme]:
     return implicit(formula, lambda problem, h, noise: delta(problem.c[:, None], h, noise)[None])
 
 
-SABOTEURS.rows(
+FAMILY.rows(
     ("drift-dropped", "Δ has no h", ("identity", "random-step", *_MEAN), lambda c, _h, w: np.sum(c * w, axis=0)),
     ("noise-dropped", "Δ has no noise", ("identity", "random-step", *_MEAN), lambda _c, h, w: np.full(w.shape[1], h)),
-    ("noise-sign", "the noise has the wrong sign", ("identity", "random-step", *_STEP, *_LIMIT),
+    ("noise-sign", "the noise has the wrong sign", ("identity", "random-step", *_STEP, *_PATH_LIMITS),
      lambda c, h, w: h - np.sum(c * w, axis=0)),
-    ("c-squared", "c is squared", _SIZES, lambda c, h, w: h + np.sum(c**2 * w, axis=0)),
-    ("c-forgotten", "every c is 1", _SIZES, lambda _c, h, w: h + np.sum(w, axis=0)),
+    ("c-squared", "c is squared", _NOISE_SIZE_LAWS, lambda c, h, w: h + np.sum(c**2 * w, axis=0)),
+    ("c-forgotten", "every c is 1", _NOISE_SIZE_LAWS, lambda _c, h, w: h + np.sum(w, axis=0)),
     ("sqrt-h", "the increments are taken for standard normals and multiplied by √h",
      ("identity", "random-step", *_MEAN), lambda c, h, w: h + math.sqrt(h) * np.sum(c * w, axis=0)),
     ("absolute-increments", "|ΔW| stands for ΔW", ("identity", "symmetry", "random-step", "noise-sum", *_MEAN),
@@ -56,7 +55,7 @@ SABOTEURS.rows(
 )  # fmt: skip
 
 
-@SABOTEURS.formula(
+@FAMILY.formula(
     "∇H is averaged for Δ > 0 and taken at the midpoint for Δ < 0",
     ("energy", "symmetry", "reference", "local-mean", "local-weak"),
 )
@@ -65,8 +64,8 @@ def positive_step_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return np.where(step[0] > 0, right, wrong)
 
 
-SABOTEURS.rows(
-    ("first-noise-only", "only the first noise is seen", _SEVERAL + _LOCAL,
+FAMILY.rows(
+    ("first-noise-only", "only the first noise is seen", _SEVERAL + LOCAL_LAWS,
      lambda c, h, w: h + np.sum((c * w)[:1], axis=0)),
     ("one-noise-in-law", "several noises are replaced by one of the same variance", _SEVERAL,
      lambda c, h, w: h + np.linalg.norm(c) * np.sum(w[:1], axis=0)),
@@ -76,13 +75,13 @@ SABOTEURS.rows(
 )  # fmt: skip
 
 
-@SABOTEURS.around("increments are clipped at one standard deviation", ("identity", "random-step", *_SEVERAL))
+@FAMILY.around("increments are clipped at one standard deviation", ("identity", "random-step", *_SEVERAL))
 def clipped_at_one(step: Step, problem: Problem, y: Array, h: float, dW: Array, widths: float = 1.0) -> Array:
     bound = widths * math.sqrt(h)
     return step(problem, y, h, np.clip(dW, -bound, bound))
 
 
-@SABOTEURS.around(
+@FAMILY.around(
     "increments are clipped inside the step, with k = 1 where the scheme says 2",
     ("midpoint", "reference", "noise-sum", "random-step", "truncation", "local-mean-square"),
 )
@@ -91,17 +90,17 @@ def clipped_with_k_one(step: Step, problem: Problem, y: Array, h: float, dW: Arr
     return clipped_at_one(step, problem, y, h, dW, widths)
 
 
-SABOTEURS.rows(
+FAMILY.rows(
     ("k-too-small", "the scheme asks for increments truncated with k = 1, which costs order 1",
      ("truncation", "local-mean-square"), lambda: replace(original, truncation=1)),
 )  # fmt: skip
-SABOTEURS.rows(
+FAMILY.rows(
     # *noise-sum* is not named, because one noise with the same sum is too large by the same factor.
     ("noise-too-large", "every increment is too large by a factor of 1.0001",
-     ("identity", "random-step", *_STEP, *_LOCAL), lambda c, h, w: h + 1.0001 * np.sum(c * w, axis=0)),
-    ("drift-too-large", "the drift is too large by a factor of 1.001", ("identity", "random-step", *_STEP, *_LOCAL),
+     ("identity", "random-step", *_STEP, *LOCAL_LAWS), lambda c, h, w: h + 1.0001 * np.sum(c * w, axis=0)),
+    ("drift-too-large", "the drift is too large by a factor of 1.001", ("identity", "random-step", *_STEP, *LOCAL_LAWS),
      lambda c, h, w: 1.001 * h + np.sum(c * w, axis=0)),
-    ("fifth-noise-dropped", "four noises are seen, and no more", _LOCAL,
+    ("fifth-noise-dropped", "four noises are seen, and no more", LOCAL_LAWS,
      lambda c, h, w: h + np.sum((c * w)[:4], axis=0)),
     ("ten-noises-only", "ten noises are seen, and no more", ("midpoint", "reference", "noise-sum", "random-step"),
      lambda c, h, w: h + np.sum((c * w)[:10], axis=0)),
@@ -115,7 +114,7 @@ SABOTEURS.rows(
 )  # fmt: skip
 
 
-@SABOTEURS.formula(
+@FAMILY.formula(
     "the drift is implicit, the noise explicit: the “symplectic midpoint” that converges to Itô",
     ("energy", "casimir", "symmetry", "random-step", "rounding", *_MEAN),
     parts=drift_and_noise,
@@ -124,7 +123,7 @@ def explicit_noise(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return step[0] * fields.field(middle(y, z)) + step[1] * fields.field(y)
 
 
-@SABOTEURS.formula(
+@FAMILY.formula(
     "B is taken at y0 in the drift and at the midpoint in the noise",
     ("casimir", "midpoint", "symmetry", "random-step", "reference", "expansion"),
     parts=drift_and_noise,
@@ -134,7 +133,7 @@ def explicit_drift_structure(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return matvec(B, fields.mean_gradient(y, z))
 
 
-@SABOTEURS.formula(
+@FAMILY.formula(
     "B is averaged over both ends in the drift and taken at the midpoint in the noise: H and symmetry are kept",
     ("casimir", "midpoint", "random-step", "reference"),
     parts=drift_and_noise,
@@ -144,7 +143,7 @@ def averaged_drift_structure(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return matvec(step[0] * ends + step[1] * fields.structure(middle(y, z)), fields.mean_gradient(y, z))
 
 
-@SABOTEURS.formula(
+@FAMILY.formula(
     "trapezoidal rule for the drift, midpoint rule for the noise: symmetric, not a function of Δ",
     ("energy", "random-step", "reference"),
     parts=drift_and_noise,
@@ -154,14 +153,14 @@ def trapezoidal_drift(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return step[0] * drift + step[1] * fields.field(middle(y, z))
 
 
-SABOTEURS.rows(
+FAMILY.rows(
     ("absolute-h", "|h| stands for h, so that no step leads back", ("symmetry",),
      lambda c, h, w: abs(h) + np.sum(c * w, axis=0)),
     by=_with,
 )  # fmt: skip
 
 
-@SABOTEURS.formula(
+@FAMILY.formula(
     "the correction ½Σc²f′f, which the Stratonovich form does not need, is added to the drift",
     ("identity", "energy", "casimir", "symmetry", "random-step", "rounding", *_MEAN),
     parts=drift_and_noise,

@@ -19,9 +19,10 @@ from sepv.schemes import energy_preserving as original
 from sepv.schemes import energy_preserving_formula as formula
 
 Laws = tuple[str, ...]
+CONTRACT = ("contract",)
 # A function (problem, y0 (d, M), Δ (1, M)) -> y1.
 Update = Callable[[Problem, Array, Array], Array]
-Fault = TypeVar("Fault", bound=Callable[..., Any])
+FaultFunction = TypeVar("FaultFunction", bound=Callable[..., Any])
 # A row: name, fault, the laws, and the argument that `By` turns into `make` of a `Saboteur`.
 Row = tuple[Any, ...]
 By = Callable[[Any], Callable[[], Scheme]]
@@ -137,30 +138,30 @@ class Family(list[Saboteur]):
         for name, broken, laws, fault, *thread in rows:
             self.append(Saboteur(name, self.name, broken, by(fault), laws, *thread))
 
-    def made(self, broken: str, laws: Laws, by: By) -> Callable[[Fault], Fault]:
+    def made(self, broken: str, laws: Laws, by: By) -> Callable[[FaultFunction], FaultFunction]:
         """Decorate the broken part of a saboteur, a function; `by` makes the scheme.
         `broken` states the fault.
         """
 
-        def added(fault: Fault) -> Fault:
+        def added(fault: FaultFunction) -> FaultFunction:
             self.rows((fault.__name__.replace("_", "-"), broken, laws, fault), by=by)
             return fault
 
         return added
 
-    def like(self, right: Scheme, broken: str, laws: Laws) -> Callable[[Fault], Fault]:
+    def like(self, right: Scheme, broken: str, laws: Laws) -> Callable[[FaultFunction], FaultFunction]:
         """Decorate a broken step: the saboteur is the scheme `right` with this step.
         `broken` is the fault in words.
         """
         return self.made(broken, laws, partial(imitating, right))
 
-    def formula(self, broken: str, laws: Laws, **more: Any) -> Callable[[Fault], Fault]:
+    def formula(self, broken: str, laws: Laws, **more: Any) -> Callable[[FaultFunction], FaultFunction]:
         """Decorate a broken right side R: the saboteur is (2.1) with y1 = y0 + R.
         `broken` is the fault in words.
         """
         return self.made(broken, laws, partial(implicit, **more))
 
-    def around(self, broken: str, laws: Laws, memory: Any = None) -> Callable[[Fault], Fault]:
+    def around(self, broken: str, laws: Laws, memory: Any = None) -> Callable[[FaultFunction], FaultFunction]:
         """Decorate a broken step: a function of (2.1)'s own step, problem, y, h, dW.
         `broken` is the fault in words.
         """

@@ -17,8 +17,8 @@ from sepv.schemes import energy_preserving_jacobian as jacobian
 
 from .record import Family, claiming, explicit, right_side
 
-SABOTEURS = Family("solver")
-_SEEN = ("energy", "casimir", "midpoint", "symmetry", "reference", "rounding")
+FAMILY = Family("solver")
+_SOLVER_LAWS = ("energy", "casimir", "midpoint", "symmetry", "reference", "rounding")
 
 Correction = Callable[[Problem, Array, Array, Array], Array]
 
@@ -78,13 +78,13 @@ def iterated(
     return explicit(update)
 
 
-SABOTEURS.rows(
-    *((f"stopped-at-{size}", f"the fixed-point iteration stops at a relative correction of {size}", _SEEN,
+FAMILY.rows(
+    *((f"stopped-at-{size}", f"the fixed-point iteration stops at a relative correction of {size}", _SOLVER_LAWS,
        iterated(fixed_point, 60, float(size))) for size in ("1e-8", "1e-12"))
 )  # fmt: skip
 
 
-@SABOTEURS.made("Newton's iteration stops at a residual of 1e-10", _SEEN, explicit)
+@FAMILY.made("Newton's iteration stops at a residual of 1e-10", _SOLVER_LAWS, explicit)
 def residual_of_1e_10(problem: Problem, y0: Array, step: Array) -> Array:
     z = np.zeros_like(y0)
     for _ in range(20):
@@ -95,21 +95,21 @@ def residual_of_1e_10(problem: Problem, y0: Array, step: Array) -> Array:
     return y0 + z
 
 
-SABOTEURS.rows(
-    ("understated-tolerance", "the solver stops at 1e-8 and states a tolerance of 1e-13", _SEEN,
+FAMILY.rows(
+    ("understated-tolerance", "the solver stops at 1e-8 and states a tolerance of 1e-13", _SOLVER_LAWS,
      lambda: replace(iterated(fixed_point, 60, 1e-8)(), solver_tolerance=1e-13)),
-    ("newton-once", "one iteration of Newton, whatever it leaves", _SEEN, iterated(_newton, 1)),
-    ("newton-twice", "two iterations of Newton, whatever they leave", _SEEN, iterated(_newton, 2)),
+    ("newton-once", "one iteration of Newton, whatever it leaves", _SOLVER_LAWS, iterated(_newton, 1)),
+    ("newton-twice", "two iterations of Newton, whatever they leave", _SOLVER_LAWS, iterated(_newton, 2)),
     # Inside the contraction radius three iterations meet the laws *casimir* and *midpoint* to
     # rounding.
     ("newton-thrice", "three iterations of Newton, whatever they leave",
-     tuple(law for law in _SEEN if law not in ("casimir", "midpoint")), iterated(_newton, 3)),
+     tuple(law for law in _SOLVER_LAWS if law not in ("casimir", "midpoint")), iterated(_newton, 3)),
     ("newton-four-times", "four iterations of Newton: right for all but long steps", ("energy",),
      iterated(_newton, 4)),
 )  # fmt: skip
 
 
-@SABOTEURS.around(
+@FAMILY.around(
     "the right side is evaluated once more at the solution: no digit is left where |Δ| is 1e15",
     ("reference",),
 )
@@ -120,9 +120,10 @@ def one_evaluation_more(step: Step, problem: Problem, y: Array, h: float, dW: Ar
     return y + right_side(problem, y, step(problem, y, h, dW), random_step(problem, h, dW))
 
 
-SABOTEURS.rows(
-    ("frozen-jacobian", "six iterations of Newton with the Jacobian of the first", _SEEN, iterated(_frozen_newton, 6)),
-    ("fixed-point-thrice", "the fixed-point iteration stops silently after three times", _SEEN,
+FAMILY.rows(
+    ("frozen-jacobian", "six iterations of Newton with the Jacobian of the first", _SOLVER_LAWS,
+        iterated(_frozen_newton, 6)),
+    ("fixed-point-thrice", "the fixed-point iteration stops silently after three times", _SOLVER_LAWS,
      iterated(fixed_point, 3)),
     # *energy* is not named: long steps overflow, for which this law has the verdict `error`.
     ("silent-cap", "the fixed-point iteration stops silently after 60 times, converged or not",
@@ -132,7 +133,7 @@ SABOTEURS.rows(
 )  # fmt: skip
 
 
-@SABOTEURS.around("a step that is not solved returns y0", ("refusal",))
+@FAMILY.around("a step that is not solved returns y0", ("refusal",))
 def unmoved_where_unsolved(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     try:
         return step(problem, y, h, dW)
@@ -140,7 +141,7 @@ def unmoved_where_unsolved(step: Step, problem: Problem, y: Array, h: float, dW:
         return y.copy()
 
 
-@SABOTEURS.around("a step that is not solved is the explicit one", ("refusal",))
+@FAMILY.around("a step that is not solved is the explicit one", ("refusal",))
 def explicit_where_unsolved(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     try:
         return step(problem, y, h, dW)
@@ -148,7 +149,7 @@ def explicit_where_unsolved(step: Step, problem: Problem, y: Array, h: float, dW
         return y + problem.random_step(h, dW) * vector_field(problem, y)
 
 
-@SABOTEURS.around("a step that is not solved is two half steps, where these are solved", ("refusal",))
+@FAMILY.around("a step that is not solved is two half steps, where these are solved", ("refusal",))
 def halved_where_unsolved(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     try:
         return step(problem, y, h, dW)
@@ -157,7 +158,7 @@ def halved_where_unsolved(step: Step, problem: Problem, y: Array, h: float, dW: 
         return step(problem, middle, h / 2, dW / 2)
 
 
-@SABOTEURS.made(
+@FAMILY.made(
     "a step that is not solved returns the last iterate", ("refusal",), lambda step: lambda: claiming(step)
 )
 def last_iterate_where_unsolved(problem: Problem, y: Array, h: float, dW: Array) -> Array:

@@ -1,7 +1,8 @@
 """Faults of schemes for problems that state functions (`Problem.invariants`):
 each breaks the law *invariant*.
 
-`RIGHT` has the right scheme of each saboteur, which claims the law for the problems that it names.
+`RIGHT_OF_STATED` has the right scheme of each saboteur, which claims the law for the problems that
+it names.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from sepv.schemes import Scheme, Step, conformal, leapfrog
 
 from .record import Family
 
-SABOTEURS = Family("stated")
-RIGHT: dict[str, Scheme] = {}
+FAMILY = Family("stated")
+RIGHT_OF_STATED: dict[str, Scheme] = {}
 # The relative error of a force or of a noise in these faults: 2⁻³⁰ is 4e6 ulp.
 STATED_ERROR = 2.0**-30
 
@@ -69,15 +70,15 @@ BODIES = replace(leapfrog, name="leapfrog-of-bodies", problems=("planets",), cla
 SPINS = Scheme(
     "rotations-of-a-spin", rotations, ("invariant",), systems=Systems.HAMILTONIANS, problems=(spin(),)
 )
-TOPS = replace(conformal, name="conformal-of-a-top", problems=(damped(),), claims=("invariant",))
+CONFORMAL_TOP = replace(conformal, name="conformal-of-a-top", problems=(damped(),), claims=("invariant",))
 
 
 def _breaking(right: Scheme, broken: str) -> Callable[[Step], Step]:
     """Decorate a broken step of the scheme `right`; `broken` is the fault in words."""
 
     def added(step: Step) -> Step:
-        RIGHT[step.__name__.replace("_", "-")] = right
-        return SABOTEURS.like(right, broken, ("invariant",))(step)
+        RIGHT_OF_STATED[step.__name__.replace("_", "-")] = right
+        return FAMILY.like(right, broken, ("invariant",))(step)
 
     return added
 
@@ -114,7 +115,7 @@ def spin_in_single_precision(problem: Problem, y: Array, h: float, dW: Array) ->
     return np.asarray(rotations(problem, y, h, dW).astype(np.float32), dtype=np.float64)
 
 
-@_breaking(TOPS, "each half of the damping is e^(−γh/2) with a rate γ that is 2⁻³⁰ too large")
+@_breaking(CONFORMAL_TOP, "each half of the damping is e^(−γh/2) with a rate γ that is 2⁻³⁰ too large")
 def damped_a_little_more(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return np.asarray(
         conformal.step(problem, y, h, dW) * np.exp(-STATED_ERROR * h * getattr(problem, "damping", 0.0))

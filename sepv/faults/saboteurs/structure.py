@@ -17,10 +17,10 @@ from sepv.schemes import Scheme, energy_preserving, implicit, midpoint, splittin
 
 from .record import Family, Update, explicit_step, imitating
 
-SABOTEURS = Family("structure")
+FAMILY = Family("structure")
 
 
-@SABOTEURS.made(
+@FAMILY.made(
     "the midpoint rule at y0 + (½ + 2⁻¹²)(y1 − y0)",
     ("poisson-map:constant", "casimir", "midpoint", "symmetry"),
     lambda R: imitating(midpoint, implicit(R)),
@@ -29,7 +29,7 @@ def off_the_middle(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return step[0] * fields.field(y + (0.5 + 2.0**-12) * z)
 
 
-SABOTEURS.rows(
+FAMILY.rows(
     ("averaged-and-symplectic",
      "(2.1) claims to be symplectic and a Poisson map besides: it keeps H and quadratic Casimirs, and no structure",
      ("poisson-map:constant", "poisson-map"),
@@ -49,7 +49,7 @@ def _like_splitting(update: Update) -> Callable[[], Scheme]:
     return imitating(splitting, explicit_step(update))
 
 
-@SABOTEURS.made(
+@FAMILY.made(
     "the splitting takes a time that depends on y: all Casimirs and the octant are kept, the structure is not",
     ("poisson-map", "symmetry"),
     _like_splitting,
@@ -62,7 +62,7 @@ def time_of_place(problem: Problem, y: Array, step: Array) -> Array:
     return _split(problem, y, delta * (1 + delta**4 * y[0] / 64))
 
 
-@SABOTEURS.made(
+@FAMILY.made(
     "the first flow of the splitting is replaced by a step along its tangent",
     ("poisson-map", "positivity", "casimir", "invariant:casimir", "symmetry"),
     _like_splitting,
@@ -82,7 +82,7 @@ def tangent_of_first(problem: Problem, y: Array, step: Array) -> Array:
     return _split(replace(problem, flows=(tangent, *others), check=False), y, step[0])
 
 
-@SABOTEURS.made(
+@FAMILY.made(
     "after the splitting y is scaled by 1 + 2⁻³⁰Δ",
     ("volume", "poisson-map", "poisson-map:constant", "casimir"),
     _like_splitting,

@@ -17,7 +17,7 @@ from sepv.schemes import Scheme, StatefulStep, Step, Twin
 
 from .record import Family
 
-SABOTEURS = Family("twins")
+FAMILY = Family("twins")
 _right = schemes.euler_heun.step
 # A relative error that no sampled law sees, and that is a million roundings.
 TWIN_ERROR = 1e-9
@@ -91,7 +91,7 @@ def _until_small(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 def _row(name: str, broken: str, step: Callable[..., Any], original: str = "euler-heun", **how: Any) -> None:
     make = partial(port_of, schemes.by_name(original), step, **how)
-    SABOTEURS.rows((name, broken, ("agreement",), make))
+    FAMILY.rows((name, broken, ("agreement",), make))
 
 
 _row("port-with-another-half", "a coefficient is ½ + 1e-9", partial(euler_heun, half=0.5 + TWIN_ERROR))

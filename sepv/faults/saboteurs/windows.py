@@ -18,24 +18,24 @@ from .formula import one_point_quadrature, with_structure
 from .noise import clipped_at_one
 from .record import Family, claiming, implicit, middle
 
-SABOTEURS = Family("windows")
+FAMILY = Family("windows")
 
 
 def _widths(h: float) -> float:
     return math.sqrt(2 * abs(math.log(h)))
 
 
-@SABOTEURS.around("increments are clipped again, with k = 1, where 0.001 < h < 0.01", ("truncation",))
+@FAMILY.around("increments are clipped again, with k = 1, where 0.001 < h < 0.01", ("truncation",))
 def clipped_in_a_window(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return clipped_at_one(step, problem, y, h, dW, _widths(h) if 1e-3 < h < 1e-2 else math.inf)
 
 
-@SABOTEURS.around("increments are clipped at three standard deviations where h < 1e-8", ("truncation",))
+@FAMILY.around("increments are clipped at three standard deviations where h < 1e-8", ("truncation",))
 def clipped_when_short(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return clipped_at_one(step, problem, y, h, dW, 3.0 if h < 1e-8 else math.inf)
 
 
-@SABOTEURS.around("the second noise is clipped again, with k = 1, where 1e-4 < h < 0.1", ("truncation",))
+@FAMILY.around("the second noise is clipped again, with k = 1, where 1e-4 < h < 0.1", ("truncation",))
 def second_clipped_in_a_window(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     bound = math.sqrt(h) * _widths(h) if 1e-4 < h < 0.1 else math.inf
     return step(problem, y, h, np.concatenate([dW[:1], np.clip(dW[1:2], -bound, bound), dW[2:]]))
@@ -48,35 +48,35 @@ def _euler(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return np.asarray(y + problem.random_step(h, dW) * vector_field(problem, y))
 
 
-_LOCAL = ("local-mean-square",)
+_WINDOW_LAWS = ("local-mean-square",)
 
 
-@SABOTEURS.around("Euler's step where 0.001 < h < 0.01", _LOCAL)
+@FAMILY.around("Euler's step where 0.001 < h < 0.01", _WINDOW_LAWS)
 def euler_in_a_window(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return (_euler if 1e-3 < h < 1e-2 else step)(problem, y, h, dW)
 
 
-@SABOTEURS.around("Euler's step where h < 1e-8", _LOCAL)
+@FAMILY.around("Euler's step where h < 1e-8", _WINDOW_LAWS)
 def euler_when_short(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return (_euler if h < 1e-8 else step)(problem, y, h, dW)
 
 
-@SABOTEURS.around("Euler's step where a noise is larger than 4", _LOCAL)
+@FAMILY.around("Euler's step where a noise is larger than 4", _WINDOW_LAWS)
 def euler_in_large_noise(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return (_euler if np.max(problem.c, initial=0.0) > 4 else step)(problem, y, h, dW)
 
 
-@SABOTEURS.around("Euler's step where 3 < |y| < 300", ("energy",))
+@FAMILY.around("Euler's step where 3 < |y| < 300", ("energy",))
 def euler_at_some_sizes(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return (_euler if 3 < np.max(np.abs(y)) < 300 else step)(problem, y, h, dW)
 
 
-@SABOTEURS.around("Euler's step where the problem has noises and ΔW = 0", ("energy",))
+@FAMILY.around("Euler's step where the problem has noises and ΔW = 0", ("energy",))
 def euler_where_noise_rests(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return (_euler if dW.size and not np.any(dW) else step)(problem, y, h, dW)
 
 
-@SABOTEURS.formula("∇H is taken at the midpoint where B varies", ("energy", "reference", "rounding"))
+@FAMILY.formula("∇H is taken at the midpoint where B varies", ("energy", "reference", "rounding"))
 def midpoint_where_b_varies(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     varies = np.any(fields.structure(y) != fields.structure(y + 1.0))
     return (one_point_quadrature if varies else formula)(fields, y, z, step)
@@ -86,7 +86,7 @@ def midpoint_where_b_varies(fields: Fields, y: Any, z: Any, step: Any) -> Any:
 _CELL = np.array([6.0, 1.0, -4.0])
 
 
-@SABOTEURS.around("a table has a wrong entry: in one cell y1 moves by 1e-9 Δ on its level of H", ("casimir",))
+@FAMILY.around("a table has a wrong entry: in one cell y1 moves by 1e-9 Δ on its level of H", ("casimir",))
 def wrong_cell_of_a_table(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     y1 = step(problem, y, h, dW)
     if len(y) != 3:
@@ -103,7 +103,7 @@ def _frozen(fields: Fields, y: Any, z: Any) -> Any:
     return fields.structure(middle(y, z) if fields.problem.degree == 2 else y)
 
 
-SABOTEURS.rows(
+FAMILY.rows(
     ("b-frozen-where-h-bends", "B is taken at y0 where H is not quadratic",
      ("mean-square-order", "weak-order", "right-limit", "casimir", "reference"), with_structure(_frozen)),
     by=implicit,
@@ -124,7 +124,7 @@ def _stale(problem: Problem, state: Any, h: float, dW: Array) -> Any:
     return y1, B, number + 1
 
 
-SABOTEURS.rows(
+FAMILY.rows(
     ("b-of-the-step-before", "in each second step B is that of the step before, where H is not quadratic",
      ("mean-square-order", "right-limit"), lambda: claiming(StatefulStep(_begun, _stale, lambda state: state[0]))),
 )  # fmt: skip

@@ -30,7 +30,7 @@ from sepv.problem import (
     problem_from_json,
     problem_to_json,
 )
-from sepv.problems.shown_to_schemes import GIVEN, as_given
+from sepv.problems.shown_to_schemes import WORDS_OF_VIEWS, as_given
 from sepv.schemes import Scheme, load_problem, require_trusted
 
 # The largest unpacked token in bytes, ten times a witness of sixty-four dimensions.
@@ -49,7 +49,7 @@ class Case:
     ----------
     given : str
         How the scheme gets the problem, as data or as functions: one of
-        `sepv.problems.shown_to_schemes.GIVEN`.
+        `sepv.problems.shown_to_schemes.WORDS_OF_VIEWS`.
     batch : int
         For laws about batches, the number of states stepped together; if 0, the law chooses it.
     times : int
@@ -94,7 +94,7 @@ class Case:
         return "\n".join(
             [
                 *_describe_problem(self.problem),
-                *([] if self.given == "data" else [f"given as {self.given}: {GIVEN[self.given]}"]),
+                *([] if self.given == "data" else [f"given as {self.given}: {WORDS_OF_VIEWS[self.given]}"]),
                 f"y = {_row(self.y)}",
                 f"h = {self.h!r}, c = {_row(problem.c)}, dW = {_row(self.dW)}"
                 + ("" if several else f", so Δ = {step!r}"),
@@ -203,7 +203,7 @@ def require_witness(data: Any) -> None:
 def of_valid(data: dict[str, Any], objects: Iterable[Problem] = ()) -> Case:
     """Convert JSON that obeys the schema of witnesses to a case."""
     given = data.get("given", "data")
-    require_one_of("a way to show the problem", given, GIVEN, "copy the witness whole from a report")
+    require_one_of("a way to show the problem", given, WORDS_OF_VIEWS, "copy the witness whole from a report")
     problem = data["problem"]
     return Case(
         problem=_given_problem(problem, objects) if "given" in problem else problem_from_json(problem),

@@ -18,7 +18,7 @@ from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import Ensemble
 from sepv.simulate._compiled import layout
-from sepv.simulate._compiled.compile import FEW, Kernel, kernel
+from sepv.simulate._compiled.compile import SINGLE_MAX_PATHS, Kernel, kernel
 from sepv.simulate._ensembles.task import Task
 
 
@@ -35,7 +35,7 @@ def aligned(*shapes: tuple[int, ...]) -> list[np.ndarray]:
     ]
 
 
-# The C signature of `Chunk._solve`: three addresses and the length of a row of increments.
+# The C signature of `CompiledChunk._solve`: three addresses and the length of a row of increments.
 LEFT_OVER = ctypes.CFUNCTYPE(*[ctypes.c_int64] * 5)
 
 
@@ -45,13 +45,13 @@ def _at(address: int, count: int, dtype: Any = np.float64) -> np.ndarray:
     return np.frombuffer(room, dtype)
 
 
-class Chunk:
+class CompiledChunk:
     """A chunk of paths at some step; `advance` takes further steps by the compiled kernel."""
 
     def __init__(self, task: Task, problem: Problem) -> None:
         from sepv.simulate._compiled.store import ordinary
 
-        lanes = 1 if task.count <= FEW else layout.LANES
+        lanes = 1 if task.count <= SINGLE_MAX_PATHS else layout.BLOCK_LANES
         self.task, self.problem = task, problem
         self.driver, self.draws = ordinary("driver"), ordinary("lanes")
         self.kernel: Kernel = kernel(task.scheme, problem, lanes=lanes, compensated=task.compensated)
@@ -121,7 +121,7 @@ class Chunk:
             L, m, grid, streams = self.lanes, self.problem.noises, self.grid, len(self.words)
             blocks = 1 if goal == self.task.steps else -(-self.task.count // L)
             piece = max(16, 1024 // L)
-            coarse = grid.base << grid.top if streams and grid.base <= wiener.TOP else 0
+            coarse = grid.base << grid.top if streams and grid.base <= wiener.TOP_INCREMENTS else 0
             S, I, sums, rng, stack, top, *self.buffers = aligned(
                 (blocks, module.SIZE), (blocks, 4 * L + layout.NUMBERS), (blocks, m, L), (blocks, streams, 4, L),
                 (blocks, streams, m, L), (blocks, coarse, m, L), (piece, m, L), (piece * (self.values.size > 0), m, L),

@@ -16,7 +16,7 @@ Table = list[list[Expression]]
 
 # Coefficients that are written into the code. All others are parameters, so that problems that
 # differ only in these share one compiled kernel.
-_PLAIN = {0.0, 0.5, 1.0, 2.0, 3.0, 4.0, -0.5, -1.0, -2.0, -3.0, -4.0}
+_WRITTEN_COEFFICIENTS = {0.0, 0.5, 1.0, 2.0, 3.0, 4.0, -0.5, -1.0, -2.0, -3.0, -4.0}
 
 
 class CodeBuilder:
@@ -43,10 +43,10 @@ class CodeBuilder:
         return name
 
     def number(self, value: float) -> str:
-        """The text of a coefficient: its value if it is in `_PLAIN`, else a parameter p0, p1,
-        and so on.
+        """The text of a coefficient: its value if it is in `_WRITTEN_COEFFICIENTS`, else a
+        parameter p0, p1, and so on.
         """
-        if value in _PLAIN:
+        if value in _WRITTEN_COEFFICIENTS:
             return f"({value!r})"
         if value not in self.parameters:
             self.parameters.append(value)

@@ -25,7 +25,7 @@ from sepv.problem import (
 )
 from sepv.record import CannotRecord, NoClosedForm
 from sepv.schemes import Scheme, Systems
-from sepv.simulate._compiled.layout import LANES
+from sepv.simulate._compiled.layout import BLOCK_LANES
 from sepv.simulate._compiled.newton import NewtonWriter
 from sepv.simulate._compiled.projected import ProjectedWriter
 from sepv.simulate._compiled.recorded import RecordedProblem
@@ -37,7 +37,7 @@ from sepv.simulate.targets._target import CannotCompile
 T = TypeVar("T")
 # Up to this number, paths run one by one, because a block of lanes would be mostly empty. The bits
 # are the same.
-FEW = 8
+SINGLE_MAX_PATHS = 8
 # The largest d and the most unknowns of a step: code is written out for each component, and
 # compiles slowly if long.
 LARGEST_DIMENSION = 16
@@ -56,7 +56,9 @@ class Kernel:
     structures: int
 
 
-def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated: bool = False) -> Kernel:
+def kernel(
+    scheme: Scheme, problem: Problem, *, lanes: int = BLOCK_LANES, compensated: bool = False
+) -> Kernel:
     """Return the compiled kernel of a scheme and a problem; raise CannotCompile if there is
     none.
     """

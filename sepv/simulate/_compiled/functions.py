@@ -21,6 +21,7 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
 from sepv._patches import add_attribute
+from sepv.simulate._compiled.llvm import FLOAT64, INT64
 
 _inline: Any = njit(error_model="numpy", forceinline=True, cache=True, _nrt=False)
 
@@ -33,9 +34,9 @@ _TWO_OVER_PI = 2 / math.pi
 # The largest angle. Beyond it the result is NaN: the angle's own rounding is 1e-7, and the
 # reduction is not exact.
 _LARGEST_ANGLE = 1e9
-_INT, _BYTE, _DOUBLE = ir.IntType(64), ir.IntType(8), ir.DoubleType()
+_INT8 = ir.IntType(8)
 # The number of lanes whose increments are added up together: four registers of eight.
-TOGETHER = 32
+SUMMED_LANES = 32
 _TO_INTEGER = 1.5 * 2.0**52  # adding it rounds to the nearest integer
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 
@@ -50,13 +51,13 @@ def _emits(instruction: Callable[[Any, Any], Any]) -> Callable[..., Any]:
 @intrinsic
 def float_bits(typingctx: Any, x: Any) -> Any:  # noqa: ARG001 - numba's signature
     """The 64 bits of a float64 as an int64."""
-    return types.int64(types.float64), _emits(lambda builder, a: builder.bitcast(a[0], _INT))
+    return types.int64(types.float64), _emits(lambda builder, a: builder.bitcast(a[0], INT64))
 
 
 @intrinsic
 def bits_float(typingctx: Any, x: Any) -> Any:  # noqa: ARG001 - numba's signature
     """The float64 whose 64 bits are those of an int64."""
-    return types.float64(types.int64), _emits(lambda builder, a: builder.bitcast(a[0], _DOUBLE))
+    return types.float64(types.int64), _emits(lambda builder, a: builder.bitcast(a[0], FLOAT64))
 
 
 @intrinsic
@@ -113,7 +114,7 @@ def part(typingctx: Any, array: Any, first: Any, lane: Any) -> Any:  # noqa: ARG
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         kind, (whole, first, lane) = signature.return_type, arguments
         found = make_array(kind)(context, builder, whole)
-        found.data = place(context, builder, kind, whole, first, _INT(0), lane)
+        found.data = place(context, builder, kind, whole, first, INT64(0), lane)
         return found._getvalue()
 
     return array(array, types.int64, types.int64), code
@@ -124,7 +125,7 @@ def prefetch(typingctx: Any, array: Any, n: Any, j: Any, k: Any) -> Any:  # noqa
     """Prefetch the cache line of array[n, j, k], which need not exist."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        byte = builder.bitcast(place(context, builder, signature.args[0], *arguments), _BYTE.as_pointer())
+        byte = builder.bitcast(place(context, builder, signature.args[0], *arguments), _INT8.as_pointer())
         kinds = [byte.type, *[ir.IntType(32)] * 3]
         function = builder.module.declare_intrinsic(
             "llvm.prefetch", [byte.type], ir.FunctionType(ir.VoidType(), kinds)
@@ -166,7 +167,7 @@ def _on_rows(rows: int, emit: Callable[..., Any], whole: bool = False) -> Any:
 
 def _halve(builder: Any, left: Any, right: Any, factor: Any) -> None:
     whole = builder.load(left)
-    half = builder.fadd(builder.fmul(_DOUBLE(0.5), whole), builder.fmul(factor, builder.load(right)))
+    half = builder.fadd(builder.fmul(FLOAT64(0.5), whole), builder.fmul(factor, builder.load(right)))
     builder.store(half, left)
     builder.store(builder.fsub(whole, half), right)
 
@@ -180,7 +181,7 @@ def _raise(builder: Any, u: Any, v: Any, threshold: Any, value: Any) -> None:
 # a row by a number.
 copy_row = _on_rows(2, lambda builder, a, b, count: cgutils.raw_memcpy(builder, b, a, count, 8), whole=True)
 set_bits = _on_rows(1, lambda builder, a, count, bits: cgutils.memset(
-    builder, a, builder.mul(count, _INT(8)), builder.trunc(bits, _BYTE)), whole=True)  # fmt: skip
+    builder, a, builder.mul(count, INT64(8)), builder.trunc(bits, _INT8)), whole=True)  # fmt: skip
 set_row = _on_rows(1, lambda builder, target, value: builder.store(value, target))
 scale_row = _on_rows(1, lambda builder, x, factor: builder.store(builder.fmul(builder.load(x), factor), x))
 # Replace a row of increments and one of normals by the increments over the first and over the
@@ -195,22 +196,22 @@ def _vectors(context: Any, builder: Any, kind: Any, array: Any, lanes: int) -> I
     yield a group's size and start.
     """
     width = cgutils.unpack_tuple(builder, make_array(kind)(context, builder, array).shape)[2]
-    whole = builder.and_(width, _INT(-lanes))
-    for size, first, last in ((lanes, _INT(0), whole), (1, whole, width)):
-        with cgutils.for_range_slice(builder, first, last, _INT(size), _INT) as (k, _):
+    whole = builder.and_(width, INT64(-lanes))
+    for size, first, last in ((lanes, INT64(0), whole), (1, whole, width)):
+        with cgutils.for_range_slice(builder, first, last, INT64(size), INT64) as (k, _):
             yield size, k
 
 
 @intrinsic
 def add_rows(typingctx: Any, rows: Any, count: Any, j: Any, W: Any, b: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """Add rows[i, j] for all i < `count` to W[b, j]; the sums of TOGETHER lanes at a time stay in
-    registers.
+    """Add rows[i, j] for all i < `count` to W[b, j]; the sums of SUMMED_LANES lanes at a time stay
+    in registers.
     """
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         rows, count, j, W, b = arguments
 
-        for lanes, k in _vectors(context, builder, signature.args[3], W, TOGETHER):
+        for lanes, k in _vectors(context, builder, signature.args[3], W, SUMMED_LANES):
             start = place(context, builder, signature.args[3], W, b, j, k, lanes=lanes)
             total = cgutils.alloca_once_value(builder, builder.load(start, align=8))
             with cgutils.for_range(builder, count) as loop:
@@ -248,7 +249,7 @@ def _words(context: Any, builder: Any, kind: Any, rng: Any, s: Any, k: Any, lane
     """The addresses of the four state words of stream s of rng (streams, 4, L),
     for `lanes` lanes from k on.
     """
-    return [place(context, builder, kind, rng, s, _INT(i), k, lanes=lanes) for i in range(4)]
+    return [place(context, builder, kind, rng, s, INT64(i), k, lanes=lanes) for i in range(4)]
 
 
 @intrinsic
@@ -290,7 +291,7 @@ def eight_normals(typingctx: Any, rng: Any, s: Any, k: Any, table: Any, out: Any
     stream s. The width and the limit of a layer in `table` are loaded together, because separate
     loads of the two would take twice as long.
     """
-    bits, doubles = ir.VectorType(_INT, 8), ir.VectorType(_DOUBLE, 8)
+    bits, doubles = ir.VectorType(INT64, 8), ir.VectorType(FLOAT64, 8)
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         rng, s, k, table, out, i, j = arguments
@@ -298,8 +299,8 @@ def eight_normals(typingctx: Any, rng: Any, s: Any, k: Any, table: Any, out: Any
         layers = builder.and_(r, bits(0xFF))
         pairs = []
         for lane in (0, 2, 4, 6, 1, 3, 5, 7):
-            layer = builder.extract_element(layers, _INT(lane))
-            pair = place(context, builder, signature.args[3], table, layer, _INT(0), lanes=2)
+            layer = builder.extract_element(layers, INT64(lane))
+            pair = place(context, builder, signature.args[3], table, layer, INT64(0), lanes=2)
             pairs.append(builder.load(pair, align=8))
         while len(pairs) > 2:  # join the pairs of the even lanes, and those of the odd lanes
             joined = zip(pairs[::2], pairs[1::2], strict=True)
@@ -314,7 +315,7 @@ def eight_normals(typingctx: Any, rng: Any, s: Any, k: Any, table: Any, out: Any
         done = builder.fcmp_ordered("<", size, limit)
         first = builder.bitcast(place(context, builder, signature.args[4], out, i, j, k), bits.as_pointer())
         builder.store(builder.select(done, x, r), first, align=8)
-        return builder.zext(builder.bitcast(builder.not_(done), _BYTE), _INT)
+        return builder.zext(builder.bitcast(builder.not_(done), _INT8), INT64)
 
     return types.uint64(rng, types.int64, types.int64, table, out, types.int64, types.int64), code
 

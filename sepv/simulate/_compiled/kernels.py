@@ -17,20 +17,20 @@ from typing import Any
 from numba import njit
 
 from sepv.simulate._compiled.functions import for_simd, prefetch
+from sepv.simulate._compiled.layout import BUSY, EVALUATIONS, GROUP, LIVING, STRUCTURES, WORK
+from sepv.simulate._compiled.newton import MORE_ITERATIONS
 from sepv.simulate._compiled.signatures import OPTIONS, call_left_over
 
 # A line number beyond the end of every file. (Lines of another function make Python 3.13 raise
 # TokenError.)
 BEYOND = 10**6
-# Placeholders for names that a generated module defines; the values here are never used.
+# Placeholders for names that a generated module defines, as it does those of `layout` and `newton`;
+# the values here are never used.
 _made: Any = None
-# The number of lanes in a block, and in a group of lanes that continue together.
-L = GROUP = 0
-# For `iterated`: the first loop's passes (each for one or two lanes) and iterations; the most
-# further iterations.
-TOGETHER = STEPS = FAST = 0
-# Offsets in I, the integers of a block.
-BUSY = ALIVE = STATUS = EVALUATIONS = STRUCTURES = LIVING = WORK = 0
+# The number of lanes in a block.
+L = 0
+# For `iterated`: the first loop's passes (each for one or two lanes) and iterations.
+FIRST_PASSES = FIRST_ITERATIONS = 0
 # For `staged`: numbers of sweeps, and the nodes of the quadratures.
 STAGES = RULES = BLIND = FUSED = TESTED = 0
 EXACT = CHECKED = STRAIGHT = False
@@ -145,20 +145,20 @@ def iterated(
     return 1 if all paths failed.
 
     The first iterations are one piece of code for all lanes; lanes not done after them continue in
-    groups. `sepv.core` solves lanes that are not done after FAST further iterations. BUSY is 1 in a
-    lane (path) that continues, else 0.
+    groups. `sepv.core` solves lanes that are not done after MORE_ITERATIONS further iterations.
+    BUSY is 1 in a lane (path) that continues, else 0.
     """
     for_simd()
     q = loaded(P)
     for n in range(count):
         ahead(buffer, n)
         left = 0
-        for k in range(TOGETHER):
+        for k in range(FIRST_PASSES):
             left += first_steps(S, I, buffer, n, k, first, h, bound, q)
         I[EVALUATIONS] += FIRST_GRADIENTS * I[LIVING]
         I[STRUCTURES] += FIRST_STRUCTURES * I[LIVING]
-        I[WORK] += STEPS * I[LIVING]
-        for _ in range(FAST):
+        I[WORK] += FIRST_ITERATIONS * I[LIVING]
+        for _ in range(MORE_ITERATIONS):
             if left == 0:
                 break
             I[WORK] += left

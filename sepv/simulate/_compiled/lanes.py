@@ -32,7 +32,7 @@ from sepv.simulate._wiener import MIXING, STREAMS
 
 # The most levels that `fill` halves together, 64 steps: only the driver's pieces of single paths
 # are so long.
-TOGETHER = 6
+FILLED_LEVELS = 6
 # Inlined before types are inferred, so that numba compiles only the functions that are called by
 # their address.
 _inline: Any = njit(error_model="numpy", inline="always")
@@ -126,7 +126,7 @@ def fill(
     for_simd()
     fine = select(rng.shape[0] == 0, 0, rng.shape[0] - 1)  # without noise there are no streams
     width = out.shape[1] * out.shape[2]
-    below = select(fine < TOGETHER, fine, TOGETHER)
+    below = select(fine < FILLED_LEVELS, fine, FILLED_LEVELS)
     if top.shape[0] == 0 and width > 0:
         begun = -first & ((1 << fine) - 1)
         call_normals(drawing, (rng, 0, out, begun, 1 << fine, ((count - begun - 1) >> fine) + 1))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sepv.core.newton import ROUNDING, STOP_ERROR, Status
+from sepv.core.newton import RESIDUAL_ROUNDING, STOP_ERROR, Status
 
 # The lanes (paths) of a block: sixteen registers of eight doubles hide latencies, and the data fit
 # into the L1 cache.
-LANES = 128
+BLOCK_LANES = 128
 # The bytes of a cache line.
 CACHE_LINE = 64
 # A block's integers: four rows (a number for each lane), then eight numbers (a cache line), of
@@ -19,9 +19,9 @@ EVALUATIONS, STRUCTURES, LIVING, WORK = range(4)
 NUMBERS = 8
 # A first correction below this ends the iteration, because its square is below STOP_ERROR; later
 # tests use two corrections.
-FIRST = 2.0**-31
+FIRST_CORRECTION = 2.0**-31
 # Corrections below a quarter of a rounding change nothing.
-TINY = 2.0**-54
+NEGLIGIBLE_CORRECTION = 2.0**-54
 # The number of lanes that continue as a group: two registers, because smaller loops do not become
 # SIMD code.
 GROUP = 16
@@ -43,10 +43,11 @@ def constants(lanes: int) -> dict[str, Any]:
     rows = {"BUSY": BUSY, "ALIVE": ALIVE, "STATUS": STATUS, "FAILED": FAILED}
     places = {"EVALUATIONS": EVALUATIONS, "STRUCTURES": STRUCTURES, "LIVING": LIVING, "WORK": WORK}
     return {
-        "L": lanes, "GROUP": min(GROUP, lanes), "ROUNDING": ROUNDING, "FIRST": FIRST, "STOP_ERROR": STOP_ERROR,
-        "TINY": TINY,
+        "L": lanes, "GROUP": min(GROUP, lanes), "ROUNDING": RESIDUAL_ROUNDING,
+        "FIRST_CORRECTION": FIRST_CORRECTION, "STOP_ERROR": STOP_ERROR,
+        "NEGLIGIBLE_CORRECTION": NEGLIGIBLE_CORRECTION,
         "LEFT_DOMAIN": int(Status.LEFT_DOMAIN), "BROKEN": int(Status.OVERFLOW),
-        "TOGETHER": lanes, "FIRST_GRADIENTS": 0, "FIRST_STRUCTURES": 0, "AVERAGES": 0,
+        "FIRST_PASSES": lanes, "FIRST_GRADIENTS": 0, "FIRST_STRUCTURES": 0, "AVERAGES": 0,
         **{name: row * lanes for name, row in rows.items()},
         **{name: 4 * lanes + place for name, place in places.items()},
     }  # fmt: skip

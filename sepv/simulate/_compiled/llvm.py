@@ -24,10 +24,10 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-_DOUBLE, _INT, _BOOL = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
+FLOAT64, INT64, _BOOL = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
 _FLOATS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
 _INTEGERS = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.BitAnd: "and_", ast.BitOr: "or_"}
-_COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+_COMPARISON_SIGNS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 
 
 class _Lines:
@@ -45,7 +45,7 @@ class _Lines:
         """Emit the instructions of the lines; return the total of what they add to the variable
         `result`.
         """
-        total = ir.Constant(_INT, 0)
+        total = ir.Constant(INT64, 0)
         for statement in ast.parse("\n".join(lines)).body:
             if isinstance(statement, ast.AugAssign):
                 assert isinstance(statement.target, ast.Name)
@@ -78,27 +78,27 @@ class _Lines:
             case ast.Constant(value=bool(v)):
                 return ir.Constant(_BOOL, int(v))
             case ast.Constant(value=int(v)):
-                return ir.Constant(_INT, v)
+                return ir.Constant(INT64, v)
             case ast.Constant(value=float(v)):
-                return ir.Constant(_DOUBLE, v)
+                return ir.Constant(FLOAT64, v)
             case ast.Name(id=name):
                 return self.named(name)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 value = self.value(operand)
-                return builder.neg(value) if value.type == _INT else builder.fneg(value)
+                return builder.neg(value) if value.type == INT64 else builder.fneg(value)
             case ast.Subscript(value=ast.Name(id=name)) if name in self.arrays:
                 return builder.load(self.place(node))
             case ast.Subscript(value=several, slice=ast.Constant(value=int(i))):
                 return builder.extract_value(self.value(several), i)
             case ast.BinOp(left=left, op=ast.Pow(), right=right):
-                power = builder.module.declare_intrinsic("llvm.pow", [_DOUBLE])
+                power = builder.module.declare_intrinsic("llvm.pow", [FLOAT64])
                 return builder.call(power, (self.value(left), self.value(right)))
             case ast.BinOp(left=left, op=op, right=right):
                 a, b = self.alike(self.value(left), self.value(right))
-                rule = (_FLOATS if a.type == _DOUBLE else _INTEGERS)[type(op)]
+                rule = (_FLOATS if a.type == FLOAT64 else _INTEGERS)[type(op)]
                 return getattr(builder, rule)(a, b)
             case ast.Compare(left=left, ops=[op], comparators=[right]):
-                return self.compared(_COMPARISONS[type(op)], self.value(left), self.value(right))
+                return self.compared(_COMPARISON_SIGNS[type(op)], self.value(left), self.value(right))
             case ast.Call(func=ast.Name(id=name), args=arguments):
                 return self.called(name, [self.value(a) for a in arguments])
         raise AssertionError(f"no rule for {ast.unparse(node)}")
@@ -107,19 +107,19 @@ class _Lines:
         """Convert an integer to a float if the other value is a float."""
         if a.type == b.type:
             return a, b
-        as_float = lambda v: v if v.type == _DOUBLE else self.builder.sitofp(v, _DOUBLE)  # noqa: E731
+        as_float = lambda v: v if v.type == FLOAT64 else self.builder.sitofp(v, FLOAT64)  # noqa: E731
         return as_float(a), as_float(b)
 
     def named(self, name: str) -> Any:
         """The LLVM value of a name; for the name of a Python number it is a constant."""
         found = self.names[name]
         if isinstance(found, (int, np.integer)):
-            return ir.Constant(_INT, int(found))
-        return ir.Constant(_DOUBLE, float(found)) if isinstance(found, float) else found
+            return ir.Constant(INT64, int(found))
+        return ir.Constant(FLOAT64, float(found)) if isinstance(found, float) else found
 
     def compared(self, sign: str, a: Any, b: Any) -> Any:
         """Compare two values; NaN compares as in IEEE 754."""
-        if a.type != _DOUBLE:
+        if a.type != FLOAT64:
             return self.builder.icmp_signed(sign, a, b)
         ordered = sign != "!="
         return (self.builder.fcmp_ordered if ordered else self.builder.fcmp_unordered)(sign, a, b)
@@ -134,7 +134,7 @@ class _Lines:
         if name == "fma":
             return builder.fma(*arguments)
         if name == "abs":
-            return builder.call(builder.module.declare_intrinsic("llvm.fabs", [_DOUBLE]), arguments)
+            return builder.call(builder.module.declare_intrinsic("llvm.fabs", [FLOAT64]), arguments)
         typing = self.context.typing_context
         function = typing.resolve_value_type(self.names[name])
         signature = function.get_call_type(typing, (types.float64,) * len(arguments), {})
@@ -204,7 +204,7 @@ def loaded(count: int) -> Callable[..., Any]:
         def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             data, _ = _array(context, builder, signature.args[0], values[0])
             found = [
-                builder.load(builder.gep(data, [ir.Constant(_INT, i)], inbounds=True)) for i in range(count)
+                builder.load(builder.gep(data, [ir.Constant(INT64, i)], inbounds=True)) for i in range(count)
             ]
             return context.make_tuple(builder, kind, found)
 

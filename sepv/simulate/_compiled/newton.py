@@ -33,7 +33,7 @@ from sepv.simulate._compiled.writer import Writer
 # equation itself: four have an error O(Δ⁵) and the cost of a Newton step, whose error is O(Δ³). For
 # other H two have error O(Δ³). Sweeps of ȳ cost less: in the rigid body the fifth saves 1/10 of the
 # time at h = 0.03 (in groups), and costs 1/50 at h = 0.002.
-SWEEPS, MIDDLE_SWEEPS, ROUGH_SWEEPS = 4, 5, 2
+QUADRATIC_SWEEPS, MIDDLE_SWEEPS, ROUGH_SWEEPS = 4, 5, 2
 # Newton steps in registers, for up to LARGE unknowns; only the last is tested. With compensated
 # summation there are one or two more, because a correction below half a rounding of z is lost when
 # it is applied. The error that remains has a mean of 1e-4 roundings in a step of the path, and a
@@ -42,7 +42,7 @@ FIRST_STEPS = 2
 LARGE = 6
 # The most Newton steps of a group of lanes; `sepv.core` solves the lanes that are not done after
 # them.
-FAST = 8
+MORE_ITERATIONS = 8
 
 
 class NewtonWriter(Writer):
@@ -56,7 +56,7 @@ class NewtonWriter(Writer):
         super().__init__(problem, formula, noises, lanes, compensated)
         small = self.unknowns <= LARGE
         exact = 0 < problem.degree <= 2
-        self.sweeps = (SWEEPS if exact else ROUGH_SWEEPS) if small else 0
+        self.sweeps = (QUADRATIC_SWEEPS if exact else ROUGH_SWEEPS) if small else 0
         self.steps = FIRST_STEPS + (compensated and (1 if exact else 2)) if small else 0
         multiplied_out = small and self.known == ["delta"] and not self.has_domain()
         self.P = problem.of_middle(formula.recorded) if multiplied_out else None
@@ -74,7 +74,11 @@ class NewtonWriter(Writer):
     def numbers(self) -> dict[str, Any]:
         """Constants of the kernel: how many lanes run together, and numbers of sweeps and steps."""
         together = self.lanes // 2 if self.lanes >= 2 * GROUP else self.lanes
-        return {"TOGETHER": together, "STEPS": self.sweeps + self.steps, "FAST": FAST}
+        return {
+            "FIRST_PASSES": together,
+            "FIRST_ITERATIONS": self.sweeps + self.steps,
+            "MORE_ITERATIONS": MORE_ITERATIONS,
+        }
 
     def side_by_side(self, lines: list[str]) -> list[str]:
         """Interleave the code of two lanes (paths), one from each half of the block.
@@ -164,16 +168,16 @@ class NewtonWriter(Writer):
     def test(self, compared: bool) -> list[str]:
         """Test that the correction of size m, once applied, leaves an error below rounding.
 
-        If the size of the correction before is below FIRST, FIRST is used instead, because m may be
-        mere rounding. If a Newton step makes a relative error e to C e², the error left is then
-        C³·2⁻¹²⁴, below STOP_ERROR for every C up to 2²⁰. `compared` is True if there surely was a
-        correction before; if that had infinite size, m would be NaN.
+        If the size of the correction before is below FIRST_CORRECTION, FIRST_CORRECTION is used
+        instead, because m may be mere rounding. If a Newton step makes a relative error e to C e²,
+        the error left is then C³·2⁻¹²⁴, below STOP_ERROR for every C up to 2²⁰. `compared` is True
+        if there surely was a correction before; if that had infinite size, m would be NaN.
         """
-        later = [] if compared else ["later = (before < INF) | (m <= FIRST * scale)"]
+        later = [] if compared else ["later = (before < INF) | (m <= FIRST_CORRECTION * scale)"]
         others = ["next", "near", *["later"] * (not compared), *["inside"] * self.has_domain()]
         return [
             *later,
-            "far = select(before > FIRST * scale, before, FIRST * scale)",
+            "far = select(before > FIRST_CORRECTION * scale, before, FIRST_CORRECTION * scale)",
             "next = m * m * m <= STOP_ERROR * scale * (far * far)",
             f"near = m <= {STOP_ERROR / self.problem.convergence_rate!r} * scale",
             f"still = busy & not_({' & '.join(others)})",

@@ -8,11 +8,11 @@ from typing import Any
 
 from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, shown
 from sepv.simulate._compiled.linear import magnitude
-from sepv.simulate._compiled.newton import FAST
+from sepv.simulate._compiled.newton import MORE_ITERATIONS
 from sepv.simulate._compiled.writer import Writer
 
 # The number of iterations in registers up to the first test; a step of usual length needs two.
-BLIND = 2
+PROJECTED_BLIND = 2
 
 
 class ProjectedWriter(Writer):
@@ -38,8 +38,8 @@ class ProjectedWriter(Writer):
         gradients, structures = self.problem.cost(self.formula.recorded, self.known)
         averages = self.problem.gradient_evaluations
         return {
-            "AVERAGES": averages, "FIRST_GRADIENTS": gradients + 1 + BLIND * averages,
-            "FIRST_STRUCTURES": structures + 1, "STEPS": BLIND, "FAST": FAST,
+            "AVERAGES": averages, "FIRST_GRADIENTS": gradients + 1 + PROJECTED_BLIND * averages,
+            "FIRST_STRUCTURES": structures + 1, "FIRST_ITERATIONS": PROJECTED_BLIND, "MORE_ITERATIONS": MORE_ITERATIONS,
         }  # fmt: skip
 
     def first(self) -> list[str]:
@@ -56,7 +56,7 @@ class ProjectedWriter(Writer):
             self.scale(y),
             "before = INF",
         ]
-        for step in range(BLIND):
+        for step in range(PROJECTED_BLIND):
             code.lines += ["before = m"] if step else []
             z = self.moved(code, y, z, found)
         code.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
@@ -97,7 +97,7 @@ class ProjectedWriter(Writer):
         return [
             "later = (m * m <= STOP_ERROR * (scale * before)) & (before < INF)",
             "stays = (m >= 0.5 * before) & (m <= ROUNDING * scale)",
-            f"done = later | stays | (m <= {self.d} * TINY * scale)",
+            f"done = later | stays | (m <= {self.d} * NEGLIGIBLE_CORRECTION * scale)",
             f"still = busy & not_(done{f' & ({inside})' if inside else ''})",
             "left += select(still, 1, 0)",
             f"I[BUSY + k] = select(busy, select(still, 1, 0), {otherwise})",

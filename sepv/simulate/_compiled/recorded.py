@@ -114,14 +114,14 @@ def _operation(code: CodeBuilder, symbol: Symbol, arguments: list[Expression]) -
         return code.let(f"{texts[0]} ** {code.number(symbol.line.value)}")
     if name == "select":
         return code.let(f"select({', '.join(texts)})")
-    if name in _CONDITIONS:
-        return code.let(_CONDITIONS[name].format(*texts))
+    if name in _CONDITION_TEXTS:
+        return code.let(_CONDITION_TEXTS[name].format(*texts))
     call, place = _CALLS.get(name, (name, None))
     result = code.let(f"{call}({texts[0]})")
     return result if place is None else code.let(f"{result}[{place}]")
 
 
-_CONDITIONS = {
+_CONDITION_TEXTS = {
     "greater": "{} > {}",
     "greater_equal": "{} >= {}",
     "equal": "{} == {}",

@@ -51,7 +51,7 @@ class Formula:
         """The names, in the code of a lane (path), of the numbers of a step that the scheme uses,
         such as delta.
         """
-        return _NAMES.get(self.parts) or ["span", *(f"noise{j}" for j in range(noises))]
+        return _STEP_NAMES.get(self.parts) or ["span", *(f"noise{j}" for j in range(noises))]
 
     def update(self, code: CodeBuilder, z: Sequence[str]) -> list[str]:
         """Code of the update y1 − y0 from the unknowns z."""
@@ -62,7 +62,7 @@ class Formula:
         return [[code.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)]]
 
 
-_NAMES: dict[Parts, list[str]] = {
+_STEP_NAMES: dict[Parts, list[str]] = {
     random_step: ["delta"],
     drift_and_noise: ["span", "noise"],
     step_and_variance: ["delta", "variance"],

@@ -28,8 +28,8 @@ from sepv.simulate._compiled.writer import Writer
 # The sweeps before the first test (which costs half a sweep), and the most tested sweeps. A sweep
 # of one lane costs as much as a sweep of forty lanes of a block; Newton's iteration for one lane
 # costs a hundred times as much.
-BLIND, TESTED = 8, 40
-FUSED = 2
+BLIND_SWEEPS, TESTED_MAX_SWEEPS = 8, 40
+FUSED_SWEEPS = 2
 # The sizes of corrections must shrink by this factor in each sweep.
 SHRINKS = 0.9
 
@@ -136,7 +136,7 @@ class StagesWriter(Writer):
         """
         code = CodeBuilder(self.parameters)
         y, R = self.lane(code)
-        for _ in range(FUSED if self.straight else 1):
+        for _ in range(FUSED_SWEEPS if self.straight else 1):
             R = [shown(v) for v in self.formula.sweep(code, self.problem, y, R, "delta", None)]
         return [*code.lines, *(f"{self.at('Z', i)} = {v}" for i, v in enumerate(R))]
 
@@ -151,7 +151,8 @@ class StagesWriter(Writer):
             self.scale(y),
             f"before = {self.at('P')}",
             f"{self.at('P')} = m",
-            f"done = (m * m <= STOP_ERROR * (scale * before)) & (before < INF) | (m <= {self.unknowns} * TINY * scale)",
+            f"done = (m * m <= STOP_ERROR * (scale * before)) & (before < INF)"
+            f" | (m <= {self.unknowns} * NEGLIGIBLE_CORRECTION * scale)",
             f"stays = not_(m <= {SHRINKS} * before)",
             "done = done | (stays & (m <= ROUNDING * scale))",
             "slow = stays & not_(done)",
@@ -175,7 +176,7 @@ class StagesWriter(Writer):
         code.lines += [
             f"m = {' + '.join(f'abs({a} - {b})' for a, b in zip(R, z, strict=True))}",
             self.scale(y),
-            f"fine = (m <= {2.0**-48!r} * ({size})) | (m <= {self.unknowns} * TINY * scale)",
+            f"fine = (m <= {2.0**-48!r} * ({size})) | (m <= {self.unknowns} * NEGLIGIBLE_CORRECTION * scale)",
             "asked = I[BUSY + k] == 4",
             f"{self.at('P')} = INF",
         ]
@@ -206,10 +207,11 @@ class StagesWriter(Writer):
 
     def numbers(self) -> dict[str, Any]:
         """Constants of the kernel, about its sweeps and its quadrature rules."""
-        blind, fused = (BLIND, FUSED) if self.straight else (4, 1)
+        blind, fused = (BLIND_SWEEPS, FUSED_SWEEPS) if self.straight else (4, 1)
         return {
             "RULES": len(self.ladder()), "EXACT": self.exact,
-            "CHECKED": self.checked, "STRAIGHT": self.straight, "BLIND": blind, "FUSED": fused, "TESTED": TESTED,
+            "CHECKED": self.checked, "STRAIGHT": self.straight, "BLIND": blind, "FUSED": fused,
+            "TESTED": TESTED_MAX_SWEEPS,
         }  # fmt: skip
 
     def tables(self) -> list[str]:

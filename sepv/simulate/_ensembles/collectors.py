@@ -19,7 +19,7 @@ from sepv.simulate._batch import AXES, Ensemble
 from sepv.simulate._ensembles.task import Task
 from sepv.simulate._results.reductions import Functionals, Summary, reached, reduce_chunk
 from sepv.simulate._results.sketch import at_home
-from sepv.simulate._results.zarr_store import COUNTED, ZarrStore
+from sepv.simulate._results.zarr_store import STORED_COUNTS, ZarrStore
 from sepv.simulate.targets.registry import TARGETS
 from sepv.workers import Halted, halted
 
@@ -123,7 +123,7 @@ def without_paths(chunk: Ensemble) -> Ensemble:
 
 def _more(whole: Ensemble, chunk: Ensemble) -> Ensemble:
     """Add a chunk's counts of work to those of the whole ensemble, which keeps the first reason."""
-    counts = {key: getattr(whole, key) + getattr(chunk, key) for key in COUNTED}
+    counts = {key: getattr(whole, key) + getattr(chunk, key) for key in STORED_COUNTS}
     return replace(whole, reason=whole.reason or chunk.reason, **counts)
 
 

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-_PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), np.generic)
+_PLAIN_TYPES = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), np.generic)
 # Packages whose code is known by their versions.
 _INSTALLED = {"sepv", "numpy", "scipy", "numba", "mpmath"} | sys.stdlib_module_names
 
@@ -40,7 +40,7 @@ def _follow(  # noqa: PLR0911, PLR0912 - a kind of value a line
     """Note the functions and files that a value reaches,
     and return the bytes of the plain data in it.
     """
-    if isinstance(value, _PLAIN):
+    if isinstance(value, _PLAIN_TYPES):
         return repr(value).encode()
     if id(value) in seen:
         return b"seen"

@@ -27,7 +27,7 @@ _LOG_GAMMA = math.log1p(ACCURACY) - math.log1p(-ACCURACY)
 _OFFSET = math.ceil(-math.log(TINY) / _LOG_GAMMA) + 2
 # The logarithm of the largest finite number. Numbers below TINY, the smallest normal number, count
 # as 0.
-_LARGEST = math.log(float(np.finfo(np.float64).max))
+_LOG_LARGEST = math.log(float(np.finfo(np.float64).max))
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Sketch:
             return 0.0
         # 2γ^i/(γ + 1), with the power taken last so that it does not overflow.
         size = (abs(key) - _OFFSET) * _LOG_GAMMA - math.log1p(0.5 * math.expm1(_LOG_GAMMA))
-        return math.copysign(math.exp(min(size, _LARGEST)), key)
+        return math.copysign(math.exp(min(size, _LOG_LARGEST)), key)
 
 
 def sketch(values: Any) -> Sketch:

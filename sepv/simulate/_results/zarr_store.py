@@ -19,9 +19,9 @@ from sepv._arguments import optional
 from sepv.errors import UsageError
 
 # The version of the format of a store, which has states as (component, time, path).
-FORMAT = 2
+STORE_FORMAT = 2
 # The counts of work of a chunk, stored after the checksum in the chunk's row of `work`.
-COUNTED = ("gradient_evaluations", "structure_evaluations", "iterations", "divisions", "continuations")
+STORED_COUNTS = ("gradient_evaluations", "structure_evaluations", "iterations", "divisions", "continuations")
 # Fill values of entries never written; no path has these values.
 _FILL = {"f": float("nan"), "i": -9}
 
@@ -45,7 +45,7 @@ class ZarrStore:
         self.paths, self.chunk = paths, chunk
         self.chunks = -(-paths // chunk)
         self.where = where
-        self.group = _group(zarr, where, {**about, "format": FORMAT, "paths": paths, "chunk": chunk})
+        self.group = _group(zarr, where, {**about, "format": STORE_FORMAT, "paths": paths, "chunk": chunk})
         self.arrays: dict[str, Any] = {}
         for name, (axes, lengths, dtype) in shapes.items():
             if 0 in lengths:
@@ -53,7 +53,7 @@ class ZarrStore:
             self.arrays[name] = self._array(
                 name, (*lengths, paths), (*lengths, chunk), (*axes, "path"), dtype
             )
-        line = 1 + len(COUNTED)
+        line = 1 + len(STORED_COUNTS)
         self.work = self._array("work", (self.chunks, line), (1, line), ("chunk", "counted"), np.int64)
 
     def _array(self, name: str, shape: Any, chunks: Any, axes: Any, dtype: Any) -> Any:
@@ -88,7 +88,7 @@ class ZarrStore:
         contents = {name: getattr(chunk, name) for name in self.arrays}
         for name, array in self.arrays.items():
             array[..., self._place(number)] = contents[name]
-        counts = [getattr(chunk, key) for key in COUNTED]
+        counts = [getattr(chunk, key) for key in STORED_COUNTS]
         self.work[number] = np.array([_checksum(number, contents, counts), *counts], dtype=np.int64)
 
     def load(self, number: int) -> dict[str, Any] | None:
@@ -103,7 +103,7 @@ class ZarrStore:
         counts = line[1:]
         if _checksum(number, contents, counts) != line[0]:
             return None
-        return contents | dict(zip(COUNTED, counts, strict=True))
+        return contents | dict(zip(STORED_COUNTS, counts, strict=True))
 
     def _place(self, number: int) -> slice:
         return slice(number * self.chunk, min((number + 1) * self.chunk, self.paths))

@@ -49,7 +49,7 @@ def _case(name: str, problem: Any, h: float, steps: int, *, portable: bool, init
 
 # Lotka-Volterra has a step h so small that every solve has a solution. With h = 2⁻⁵, Newton takes
 # four iterations.
-CASES: tuple[Case, ...] = (
+BENCH_CASES: tuple[Case, ...] = (
     _case("harmonic-oscillator", "harmonic-oscillator", 2.0**-5, 16, portable=True),
     _case("rigid-body", "rigid-body", 2.0**-5, 16, portable=True),
     _case("volterra", problems.to_json(volterra()), 2.0**-5, 16, portable=True, initial=[1.0, 0.75, 0.5]),
@@ -88,7 +88,7 @@ def choose(names: tuple[str, ...], portable: bool) -> list[Case]:
 
     Raises UsageError for an unknown name.
     """
-    known = {case["name"]: case for case in CASES}
+    known = {case["name"]: case for case in BENCH_CASES}
     for name in names:
         require_one_of("a case", name, known)
-    return [c for c in CASES if (not names or c["name"] in names) and (c["portable"] or not portable)]
+    return [c for c in BENCH_CASES if (not names or c["name"] in names) and (c["portable"] or not portable)]

@@ -18,17 +18,17 @@ from sepv.errors import UsageError
 from sepv.problem import Array
 from sepv.statistics import jackknife_half
 
-ALPHA = 1e-3
+GATE_ALPHA = 1e-3
 # Another order of summation changes an error only by rounding, so a change of one per cent comes
 # from the scheme.
 ERROR_TOLERANCE = 1.01
 # A defect of the size of rounding errors changes by tens of per cent with the order of summation.
 DEFECT_TOLERANCE = 1.5
-KINDS = {"error": ERROR_TOLERANCE, "energy": DEFECT_TOLERANCE, "casimir": DEFECT_TOLERANCE}
+TOLERANCE_OF_KIND = {"error": ERROR_TOLERANCE, "energy": DEFECT_TOLERANCE, "casimir": DEFECT_TOLERANCE}
 
 
 @dataclass(frozen=True)
-class Change:
+class MeasuredChange:
     """The change of one measured number of a case between two records.
 
     what : the name of the number: a count of work, the error, a defect or a time
@@ -43,7 +43,7 @@ class Change:
     text: str
 
 
-def check(head: dict[str, Any], base: dict[str, Any]) -> list[Change]:
+def check(head: dict[str, Any], base: dict[str, Any]) -> list[MeasuredChange]:
     """List the changes of one target from the record `base` to the record `head`,
     in each case of `base`.
 
@@ -61,11 +61,13 @@ def check(head: dict[str, Any], base: dict[str, Any]) -> list[Change]:
                 remedy="measure both with the same cases",
             )
         checks += _counters(head["target"], case["name"], mine["counters"], theirs["counters"])
-        checks += [_ratio(head["target"], case["name"], kind, mine[kind], theirs[kind]) for kind in KINDS]
+        checks += [
+            _ratio(head["target"], case["name"], kind, mine[kind], theirs[kind]) for kind in TOLERANCE_OF_KIND
+        ]
     return checks
 
 
-def _counters(target: str, case: str, ours: dict[str, Any], theirs: dict[str, Any]) -> list[Change]:
+def _counters(target: str, case: str, ours: dict[str, Any], theirs: dict[str, Any]) -> list[MeasuredChange]:
     checks = []
     for name in dict.fromkeys((*theirs, *ours)):
         # None means not reported. A newly reported counter cannot be compared.
@@ -74,23 +76,23 @@ def _counters(target: str, case: str, ours: dict[str, Any], theirs: dict[str, An
             continue
         verdict = "same" if mine == other else "worse" if mine > other else "better"
         text = f"{mine}" if mine == other else f"{other} → {mine} ({mine - other:+d})"
-        checks.append(Change(target, case, name, verdict, text))
+        checks.append(MeasuredChange(target, case, name, verdict, text))
     return checks
 
 
-def _ratio(target: str, case: str, kind: str, ours: list[str], theirs: list[str]) -> Change:
+def _ratio(target: str, case: str, kind: str, ours: list[str], theirs: list[str]) -> MeasuredChange:
     head, base = (np.array([hex_float(v) for v in groups]) for groups in (ours, theirs))
     if np.array_equal(head, base):
-        return Change(target, case, kind, "same", f"{rms(ours):.3g}")
+        return MeasuredChange(target, case, kind, "same", f"{rms(ours):.3g}")
     value, low, high = ratio(head, base)
-    tolerance = KINDS[kind]
+    tolerance = TOLERANCE_OF_KIND[kind]
     verdict = "same"
     if not np.isfinite(value) or (low > 1 and value > tolerance):
         verdict = "worse"
     elif high < 1 and value < 1 / tolerance:
         verdict = "better"
     text = f"{rms(theirs):.3g} → {rms(ours):.3g}, ratio {value:.3f} in [{low:.3f}, {high:.3f}]"
-    return Change(target, case, kind, verdict, text)
+    return MeasuredChange(target, case, kind, verdict, text)
 
 
 def ratio(head: Array, base: Array) -> tuple[float, float, float]:
@@ -98,12 +100,12 @@ def ratio(head: Array, base: Array) -> tuple[float, float, float]:
     and the lower and upper end of its interval.
 
     `head` and `base` are mean squares over the same groups of paths. Each end is wrong with
-    probability ALPHA.
+    probability GATE_ALPHA.
     """
     with np.errstate(all="ignore"):
         whole = 0.5 * np.log(np.mean(head) / np.mean(base))
         left_out = 0.5 * np.log((np.sum(head) - head) / (np.sum(base) - base))
-        width = jackknife_half(left_out, 2 * ALPHA)
+        width = jackknife_half(left_out, 2 * GATE_ALPHA)
         return float(np.exp(whole)), float(np.exp(whole - width)), float(np.exp(whole + width))
 
 

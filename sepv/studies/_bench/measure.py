@@ -21,11 +21,9 @@ from sepv.problem import Problem
 from sepv.schemes import Scheme
 from sepv.simulate import _truncation as bounded
 from sepv.simulate._batch import Carried, batch_step
+from sepv.statistics import JACKKNIFE_GROUPS
 from sepv.studies._evaluation_count import Work, counted
 
-# The number of groups of paths whose means are recorded, for jackknife intervals of ratios over the
-# same paths.
-GROUPS = 32
 _EPS = float(np.finfo(np.float64).eps)
 
 
@@ -149,7 +147,7 @@ def seconds(scheme: Scheme, case: dict[str, Any], loops: int, call: str = "step"
 
 
 def _groups(values: np.ndarray) -> list[str]:
-    return [float(np.mean(part)).hex() for part in np.array_split(values, GROUPS)]
+    return [float(np.mean(part)).hex() for part in np.array_split(values, JACKKNIFE_GROUPS)]
 
 
 def _invariants(problem: Problem, y: np.ndarray) -> np.ndarray:

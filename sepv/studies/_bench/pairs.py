@@ -26,12 +26,12 @@ from sepv.children import Child, NoLine
 from sepv.errors import TargetError, UsageError
 from sepv.problem import Array
 from sepv.studies._bench import timed_process
-from sepv.studies._bench.gate import ALPHA, Change
+from sepv.studies._bench.gate import GATE_ALPHA, MeasuredChange
 
 # The seconds of one measurement: long beside the clock's resolution, short beside changes of the
 # machine's load.
 READING = 0.02
-PAIRS = 8
+TIMED_PAIRS = 8
 FEWEST_BATCHES = 4
 # A case needs no further batch if both bounds are within this fraction of its ratio.
 HALF_WIDTH = 0.02
@@ -39,8 +39,8 @@ HALF_WIDTH = 0.02
 # is below its inverse. Two per cent allow for an effect that pairing cannot remove: other code lies
 # in another place of memory.
 TIME_TOLERANCE = 1.02
-RESAMPLES = 4000
-TIMEOUT = 600.0
+RATIO_RESAMPLES = 4000
+SIDE_TIMEOUT = 600.0
 CLOCKS = ("processor time", "clock time")
 
 
@@ -79,7 +79,7 @@ class Side:
         or the process ends or hangs.
         """
         try:
-            answer = json.loads(self.child.exchange(json.dumps(question).encode() + b"\n", TIMEOUT))
+            answer = json.loads(self.child.exchange(json.dumps(question).encode() + b"\n", SIDE_TIMEOUT))
         except NoLine:
             answer = {"failed": "no answer: it ended, or took too long"}
         if "failed" in answer:
@@ -125,7 +125,7 @@ class Times:
 
     def bounds(self, clock: int) -> tuple[float, float, float]:
         """The ratio head/base of times by CLOCKS[clock], and its two bounds,
-        each wrong with probability ALPHA.
+        each wrong with probability GATE_ALPHA.
         """
         logs = [np.array(batch)[:, clock] for batch in self.batches]
         value, low, high = bootstrap(logs)
@@ -144,11 +144,11 @@ def bootstrap(batches: Sequence[Array]) -> tuple[float, float, float]:
     pairs = np.stack(batches)
     B, K = pairs.shape
     value = float(np.median(pairs))
-    chosen = pairs[rng.integers(0, B, (RESAMPLES, B))]
-    again = np.take_along_axis(chosen, rng.integers(0, K, (RESAMPLES, B, K)), axis=2)
-    medians = np.median(again.reshape(RESAMPLES, -1), axis=1)
+    chosen = pairs[rng.integers(0, B, (RATIO_RESAMPLES, B))]
+    again = np.take_along_axis(chosen, rng.integers(0, K, (RATIO_RESAMPLES, B, K)), axis=2)
+    medians = np.median(again.reshape(RATIO_RESAMPLES, -1), axis=1)
     widened = value + (medians - value) * np.sqrt(B / (B - 1))
-    low, high = np.quantile(widened, [ALPHA, 1 - ALPHA])
+    low, high = np.quantile(widened, [GATE_ALPHA, 1 - GATE_ALPHA])
     return value, float(low), float(high)
 
 
@@ -160,7 +160,7 @@ def time_pairs(
     *,
     batches: int = 12,
     progress: Callable[[str, float], None] = lambda _text, _share: None,
-) -> list[Change]:
+) -> list[MeasuredChange]:
     """Measure the ratio of times head/base between two checkouts, with a verdict,
     for each case and clock.
 
@@ -187,7 +187,7 @@ def _batch(sides: tuple[Side, Side], job: dict[str, Any]) -> list[tuple[float, f
     once = max(side.ask({**job, "loops": 1})["seconds"][1] for side in sides)
     question = {**job, "loops": max(1, round(READING / once))}
     pairs = []
-    for n in range(PAIRS):
+    for n in range(TIMED_PAIRS):
         order = (0, 1) if n % 2 == 0 else (1, 0)
         seconds: list[list[float]] = [[], []]
         for which in order:
@@ -203,15 +203,15 @@ def _settled(times: Times) -> bool:
     return clear or max(high / ratio, ratio / low) < 1 + HALF_WIDTH
 
 
-def _check(target: str, times: Times, clock: int) -> Change:
+def _check(target: str, times: Times, clock: int) -> MeasuredChange:
     ratio, low, high = times.bounds(clock)
-    text = f"ratio {ratio:.3f} in [{low:.3f}, {high:.3f}], {len(times.batches)} × {PAIRS} pairs"
+    text = f"ratio {ratio:.3f} in [{low:.3f}, {high:.3f}], {len(times.batches)} × {TIMED_PAIRS} pairs"
     # If the upper bound reaches ten per cent, a regression that the gate must find is not excluded.
     verdict = "same" if high < 1.1 else "not settled"
     if low > TIME_TOLERANCE or high < 1 / TIME_TOLERANCE:
         verdict = "worse" if low > TIME_TOLERANCE else "better"
     what = CLOCKS[clock] + (" of an ensemble" if times.call == "ensemble" else "")
-    return Change(target, times.case["name"], what, verdict, text)
+    return MeasuredChange(target, times.case["name"], what, verdict, text)
 
 
 def measured(

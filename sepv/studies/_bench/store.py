@@ -11,17 +11,17 @@ from sepv.console import Table, columns
 from sepv.files import read_json, require_schema
 from sepv.schemes import Scheme
 from sepv.studies._bench import measure as measuring
-from sepv.studies._bench.gate import KINDS, rms
+from sepv.studies._bench.gate import TOLERANCE_OF_KIND, rms
 from sepv.studies._compare.run import environment
 
-FORMAT = 1
+BENCH_FORMAT = 1
 # The counters in the order of the columns, and their headings.
-HEADINGS = {
+COUNTER_HEADINGS = {
     "gradient": "∇H", "structure": "B", "hamiltonian": "H", "hessian": "H″", "structure derivative": "B′",
     "iterations": "Newton", "failed solves": "failed",
 }  # fmt: skip
 # Columns that are dropped on a narrow terminal, in order.
-DROPPED = ("H″", "B′", "H", "failed", "Newton", "ΔC", "B", "ΔH")
+BENCH_DROPPED = ("H″", "B′", "H", "failed", "Newton", "ΔC", "B", "ΔH")
 
 
 def record(target: str, scheme: Scheme, cases: Iterable[dict[str, Any]]) -> dict[str, Any]:
@@ -33,13 +33,13 @@ def document(records: list[dict[str, Any]]) -> dict[str, Any]:
     """The content of the file that `sepv bench --save` writes: the records,
     the format and the environment.
     """
-    return {"format": FORMAT, "environment": environment(), "records": records}
+    return {"format": BENCH_FORMAT, "environment": environment(), "records": records}
 
 
 def load(path: str) -> list[dict[str, Any]]:
     """Read the records of a file; UsageError if `sepv bench --save` did not write the file."""
     words = {
-        "expected": f"a file that `sepv bench --save` wrote, of format {FORMAT}",
+        "expected": f"a file that `sepv bench --save` wrote, of format {BENCH_FORMAT}",
         "remedy": "save it again with this release",
     }
     record = read_json(path, **words)
@@ -55,10 +55,13 @@ def record_table(record: dict[str, Any]) -> Table:
     rows = [
         (
             case["case"]["name"].replace("harmonic-", "harmonic-\n"),
-            *("–" if (n := case["counters"].get(name)) is None else str(n) for name in HEADINGS),
-            *(f"{rms(case[kind]):.1e}".replace("e-0", "e-").replace("e+00", "") for kind in KINDS),
+            *("–" if (n := case["counters"].get(name)) is None else str(n) for name in COUNTER_HEADINGS),
+            *(
+                f"{rms(case[kind]):.1e}".replace("e-0", "e-").replace("e+00", "")
+                for kind in TOLERANCE_OF_KIND
+            ),
         )
         for case in record["cases"]
     ]
-    heads = columns(["case"], [*HEADINGS.values(), "error", "ΔH", "ΔC"], goes=DROPPED)
+    heads = columns(["case"], [*COUNTER_HEADINGS.values(), "error", "ΔH", "ΔC"], goes=BENCH_DROPPED)
     return Table(heads, rows, f"{record['target']}: evaluations over all paths and steps, rms over paths")

@@ -25,7 +25,7 @@ from sepv.simulate import choose_engine as choose
 from sepv.studies._evaluation_count import Work, counted
 
 
-class Ends(NamedTuple):
+class MethodEnds(NamedTuple):
     """The ends of M paths at the final time T: states y (d, M),
     and the `sepv.core.newton.Status` of each path (M,).
     """
@@ -44,7 +44,7 @@ class Followed(NamedTuple):
     stated_error : the error that the method itself estimates; 0 for schemes
     """
 
-    ends: Ends
+    ends: MethodEnds
     energy_defect: Array
     casimir_defect: Array
     work: Work | None
@@ -53,7 +53,7 @@ class Followed(NamedTuple):
 
 # Functions of (problem, y0 (d,), h, untruncated dW (N, m, M)). `Prepare` returns a job; `Follow`
 # runs it with defects.
-Prepare = Callable[[Problem, Array, float, Array], Callable[[], Ends]]
+Prepare = Callable[[Problem, Array, float, Array], Callable[[], MethodEnds]]
 Follow = Callable[[Problem, Array, float, Array], Followed]
 # A function of (problem, y0, h, dW, keep) that returns a job, and the job returns states: see
 # `from_states`.
@@ -104,11 +104,11 @@ def invariant_defects(problem: Problem, states: Array) -> tuple[Array, Array]:
     return worst[0], np.max(worst[1:], axis=0, initial=0.0)
 
 
-def finite_ends(problem: Problem, y: Array) -> Ends:
-    """The `Ends` of a solver that returns states y only;
+def finite_ends(problem: Problem, y: Array) -> MethodEnds:
+    """The `MethodEnds` of a solver that returns states y only;
     a path fails if its y is not finite or outside the domain.
     """
-    return Ends(y, judged(problem, y, np.zeros(y.shape[1], dtype=np.int64)))
+    return MethodEnds(y, judged(problem, y, np.zeros(y.shape[1], dtype=np.int64)))
 
 
 def from_scheme(scheme: Scheme, problem: Problem, engine: str = "auto") -> Method:
@@ -129,8 +129,8 @@ def from_scheme(scheme: Scheme, problem: Problem, engine: str = "auto") -> Metho
     )  # fmt: skip
 
 
-def _ends(run: Ensemble) -> Ends:
-    return Ends(run.y, run.status)
+def _ends(run: Ensemble) -> MethodEnds:
+    return MethodEnds(run.y, run.status)
 
 
 def _in_batches(scheme: Scheme) -> tuple[Prepare, Follow]:
@@ -138,12 +138,14 @@ def _in_batches(scheme: Scheme) -> tuple[Prepare, Follow]:
     ≤ CHUNK paths.
     """
 
-    def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
+    def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], MethodEnds]:
         parts = [np.ascontiguousarray(dW[:, :, p : p + CHUNK]) for p in range(0, dW.shape[2], CHUNK)]
 
-        def job() -> Ends:
+        def job() -> MethodEnds:
             runs = [_run(scheme, problem, y0, h, part, track=False) for part in parts]
-            return Ends(np.concatenate([r.y for r in runs], axis=1), np.concatenate([r.status for r in runs]))
+            return MethodEnds(
+                np.concatenate([r.y for r in runs], axis=1), np.concatenate([r.status for r in runs])
+            )
 
         return job
 
@@ -170,7 +172,7 @@ def _by_target(scheme: Scheme, engine: str) -> tuple[Prepare, Follow]:
             scheme, problem, h=h, steps=len(given), dW=given, y0=y0, engine=engine, workers=1
         )
 
-    def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
+    def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], MethodEnds]:
         run = ensemble_for(problem, y0, h, dW)
         return lambda: _ends(run())
 
@@ -219,7 +221,7 @@ def from_states(name: str, run: Run, source: str, **more: Any) -> Method:
     more : further fields of `Method`
     """
 
-    def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
+    def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], MethodEnds]:
         job = run(problem, y0, h, dW, False)
         return lambda: finite_ends(problem, job()[-1])
 
@@ -242,7 +244,7 @@ def exact_time_change() -> Method:
     def job_for(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], ExactFlow]:
         return lambda: exact_flow(problem, problem.random_step(h * len(dW), dW.sum(axis=0)), y0, dense=True)
 
-    def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
+    def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], MethodEnds]:
         solve = job_for(problem, y0, h, dW)
         return lambda: finite_ends(problem, solve().y)
 
@@ -258,8 +260,8 @@ def exact_time_change() -> Method:
     )  # fmt: skip
 
 
-EXACT = "exact-flow"
-NUMPY = "numpy/"
+EXACT_NAME = "exact-flow"
+NUMPY_PREFIX = "numpy/"
 
 
 def load_method(target: str, problem: Problem) -> Method:
@@ -270,7 +272,7 @@ def load_method(target: str, problem: Problem) -> Method:
     run it. The scheme first takes one step. If its result is wrong, for example has a wrong shape,
     TargetError says so without a traceback.
     """
-    if target == EXACT:
+    if target == EXACT_NAME:
         return exact_time_change()
     driven: Method | None = find("method", target)
     if driven is not None:
@@ -279,8 +281,8 @@ def load_method(target: str, problem: Problem) -> Method:
         named = load_object(target)
         if isinstance(named, Method):
             return named
-    plain = target.startswith(NUMPY)
-    scheme = load_scheme(target.removeprefix(NUMPY))
+    plain = target.startswith(NUMPY_PREFIX)
+    scheme = load_scheme(target.removeprefix(NUMPY_PREFIX))
     problem = quiet_problem(problem) if scheme.deterministic else problem
     h = 2.0**-10
     if problem.initial is not None:

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sepv.pictures import FLOOR, Axis, draw_intervals, figure, frame, line, looks
+from sepv.pictures import DRAWN_ZERO, Axis, draw_intervals, figure, frame, line, looks
 from sepv.schemes import Look
 
 if TYPE_CHECKING:
     from sepv.studies._compare.record import Compared, Point
 
 # The size of markers, in points.
-SIZE = 5
+MARKER_SIZE = 5
 
 
 def comparison_figure(comparison: Compared) -> Any:
@@ -29,7 +29,7 @@ def comparison_figure(comparison: Compared) -> Any:
         for name in comparison.sources:
             _error_curve(error, comparison.of(name), look_of[name])
             drawn_defects = [p for p in comparison.of(name) if math.isfinite(p.energy_defect)]
-            pairs = [(p.microseconds_a_path, max(p.energy_defect, FLOOR)) for p in drawn_defects]
+            pairs = [(p.microseconds_a_path, max(p.energy_defect, DRAWN_ZERO)) for p in drawn_defects]
             _curve(defect, pairs, drawn_defects, look_of[name])
         time = Axis("processor time of one path [µs]", log=True)
         frame(error, time, Axis("strong error at T", log=True))
@@ -55,10 +55,10 @@ def _curve(axes: Any, pairs: list[tuple[float, float]], points: list[Point], loo
     """Draw a curve; a marker is filled if every path was finished at this step size,
     and hollow if some failed.
     """
-    axes.plot([x for x, _ in pairs], [y for _, y in pairs], **line(look, size=SIZE))
+    axes.plot([x for x, _ in pairs], [y for _, y in pairs], **line(look, size=MARKER_SIZE))
     whole = [xy for xy, p in zip(pairs, points, strict=True) if not p.failures]
     axes.plot([x for x, _ in whole], [y for _, y in whole], **_filled(look) | {"linestyle": "none"})
 
 
 def _filled(look: Look) -> dict[str, Any]:
-    return line(look, size=SIZE) | {"markerfacecolor": look.colour}
+    return line(look, size=MARKER_SIZE) | {"markerfacecolor": look.colour}

@@ -14,7 +14,7 @@ from sepv.record import TINY
 from sepv.schemes import Look
 from sepv.statistics import Estimate
 
-FORMAT = 1
+COMPARISON_FORMAT = 1
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ class Compared:
         """The comparison as an object of the schema ``comparison.schema.json``."""
         return {
             **({"failed": self.failed} if self.failed else {}),
-            "format": FORMAT,
+            "format": COMPARISON_FORMAT,
             **{k: getattr(self, k) for k in ("problem", "T", "seed", "repeats", "confidence", "environment")},
             "methods": [
                 {"name": n, "source": s} | ({"look": asdict(self.looks[n])} if n in self.looks else {})

@@ -20,14 +20,14 @@ from sepv.exact import clipping_error, exact_flow
 from sepv.law import quiet_problem
 from sepv.problem import Array, Problem
 from sepv.simulate import step_count, wiener
-from sepv.statistics import GROUPS, Estimate, jackknife
+from sepv.statistics import JACKKNIFE_GROUPS, Estimate, jackknife
 from sepv.studies._compare.comparison import Comparison
-from sepv.studies._compare.method import Ends, Followed, Method
+from sepv.studies._compare.method import Followed, Method, MethodEnds
 from sepv.studies._compare.record import Point, Seconds
 from sepv.workers import run_all
 
 # The error probability of the two-sided interval of each point.
-ALPHA = 0.05
+POINT_ALPHA = 0.05
 # The number of paths for drivers that go path by path: at about 10 µs per step, all paths would
 # take hours.
 SINGLE_PATHS = 64
@@ -129,7 +129,7 @@ def compare(
         T=T,
         seed=seed,
         repeats=repeats,
-        confidence=1 - ALPHA,
+        confidence=1 - POINT_ALPHA,
         environment=environment(),
         sources={m.name: m.source for m in methods if m.name not in failed},
         looks={m.name: m.look for m in methods if m.look is not None and m.name not in failed},
@@ -153,7 +153,7 @@ class _Cell(NamedTuple):
 
     method: Method
     steps: int
-    job: Callable[[], Ends]
+    job: Callable[[], MethodEnds]
     first: float
     watched: tuple[Any, ...]
 
@@ -196,7 +196,7 @@ def _follow(watched: tuple[Any, ...]) -> Followed | str:
 
 
 def _alternate(
-    jobs: Sequence[Callable[[], Ends]], repeats: int, progress: MethodProgress, begin: float
+    jobs: Sequence[Callable[[], MethodEnds]], repeats: int, progress: MethodProgress, begin: float
 ) -> list[list[tuple[float, float]]]:
     """Measure (processor seconds, clock seconds) of each job in each of `repeats` rounds.
 
@@ -216,7 +216,7 @@ def _alternate(
     return times
 
 
-def _time(job: Callable[[], Ends], inner: int = 1) -> tuple[float, float]:
+def _time(job: Callable[[], MethodEnds], inner: int = 1) -> tuple[float, float]:
     begin = process_time(), perf_counter()
     for _ in range(inner):
         job()
@@ -230,7 +230,7 @@ def _point(cell: _Cell, run: Followed, problem: Problem, T: float, exact: Array,
     difference = run.ends.y[:, done] - exact[:, :paths][:, done]
     strong, weak = errors(difference) if problem.noises else _only(difference)
     if run.stated_error > strong.value:
-        strong = weak = Estimate(run.stated_error, 0.0, ALPHA)
+        strong = weak = Estimate(run.stated_error, 0.0, POINT_ALPHA)
     processor, wall = seconds.T
     median, low, high = (float(np.quantile(processor, q)) for q in (0.5, 0.25, 0.75))
     cost = paths * (count if method.steps_matter else 1)
@@ -260,15 +260,15 @@ def errors(difference: Array) -> tuple[Estimate, Estimate]:
     """The strong and the weak error from differences y_N − y(T) (d, M),
     with intervals by a jackknife over paths.
     """
-    unbounded = Estimate(float("inf"), 0.0, ALPHA)
-    if difference.shape[1] < GROUPS:
+    unbounded = Estimate(float("inf"), 0.0, POINT_ALPHA)
+    if difference.shape[1] < JACKKNIFE_GROUPS:
         return unbounded, unbounded
     with np.errstate(over="ignore", invalid="ignore"):
         squared = np.sum(difference**2, axis=0, keepdims=True)
         if not np.all(np.isfinite(squared)) or not np.isfinite(np.mean(squared)):
             return unbounded, unbounded
-        strong = jackknife(squared, lambda mean: float(np.sqrt(mean[0])), ALPHA)
-        return strong, jackknife(difference, lambda mean: float(np.linalg.norm(mean)), ALPHA)
+        strong = jackknife(squared, lambda mean: float(np.sqrt(mean[0])), POINT_ALPHA)
+        return strong, jackknife(difference, lambda mean: float(np.linalg.norm(mean)), POINT_ALPHA)
 
 
 def _only(difference: Array) -> tuple[Estimate, Estimate]:
@@ -276,7 +276,7 @@ def _only(difference: Array) -> tuple[Estimate, Estimate]:
     as its strong and its weak error.
     """
     size = float(np.linalg.norm(difference[:, 0])) if difference.size else float("inf")
-    error = Estimate(size if np.isfinite(size) else float("inf"), 0.0, ALPHA)
+    error = Estimate(size if np.isfinite(size) else float("inf"), 0.0, POINT_ALPHA)
     return error, error
 
 
@@ -300,7 +300,7 @@ def _validate(
             received=f"{grid}",
             remedy="such as 8,16,32,64: all step sizes then see the same paths",
         )
-    names, least = [m.name for m in methods], GROUPS if problem.noises else 1
+    names, least = [m.name for m in methods], JACKKNIFE_GROUPS if problem.noises else 1
     for ok, expected, received in (
         (names and len(set(names)) == len(names), "methods with different names", names),
         (isinstance(paths, int) and paths >= least, f"paths (--paths), an integer ≥ {least}", paths),

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 # about a tenth).
 CLIPPED = 0.3
 # The mark before a time to an error, for each value of `TimeToError.how`.
-MARKS = {"between": "", "beyond": "~", "coarsest": "≤"}
+TIME_MARKS = {"between": "", "beyond": "~", "coarsest": "≤"}
 # A driver is said to wait for something outside this process if its quotient of clock time to
 # processor time is this many times the median of all drivers. On a busy machine, the quotient is
 # larger for all drivers.
@@ -31,7 +31,7 @@ COLUMN_WIDTHS = {
     "Newton": 6, "failed": 8,
 }  # fmt: skip
 # Columns that are dropped on a narrow terminal, in order.
-DROPPED = ("±%", "B", "∇H", "Newton", "|ΔC|", "ns/step", "weak error", "|ΔH|", "failed")
+COMPARISON_DROPPED = ("±%", "B", "∇H", "Newton", "|ΔC|", "ns/step", "weak error", "|ΔH|", "failed")
 
 
 def heading(comparison: Compared) -> str:
@@ -66,7 +66,7 @@ def point_tables(comparison: Compared) -> list[Table]:
         for p in comparison.points
     }
     least = {n: max(COLUMN_WIDTHS[n], longest(row[n] for row in rows.values())) for n in names}
-    heads = tuple(replace(c, least=least[c.heading]) for c in columns((), names, goes=DROPPED))
+    heads = tuple(replace(c, least=least[c.heading]) for c in columns((), names, goes=COMPARISON_DROPPED))
     return [
         Table(
             heads,
@@ -197,7 +197,7 @@ def _target_cells(t: TimeToError) -> tuple[str, str]:
     if t.microseconds is None or t.energy_defect is None:
         return "–", ""
     short = f"{t.microseconds:.3g}" if 1e-2 <= t.microseconds < 1e4 else f"{t.microseconds:.1e}"
-    return f"{MARKS[t.how]}{short}", _defect(t.energy_defect)
+    return f"{TIME_MARKS[t.how]}{short}", _defect(t.energy_defect)
 
 
 def _estimate(e: Estimate) -> str:

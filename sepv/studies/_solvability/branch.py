@@ -26,7 +26,7 @@ from sepv.problem import Array, Problem, linear_solve
 from sepv.record import TINY
 from sepv.schemes import BY_FILE, Implicit, Scheme, energy_preserving
 
-MOST_STEPS = 4000
+BRANCH_MAX_STEPS = 4000
 # The longest arclength of a step, to be multiplied by 1 + |z| so that a branch can reach infinity;
 # and the shortest.
 LONGEST, SHORTEST = 0.05, 1e-9
@@ -40,10 +40,10 @@ ESCAPE_FACTOR = 1e6
 
 # The width of central differences, relative to the component; its cube is of the size of a rounding
 # error.
-WIDTH = 6e-6
+CENTRAL_WIDTH = 6e-6
 
 # For each scheme y1 = y0 + R with R linear in one Δ: the functions R and ∂R/∂y1.
-EQUATIONS: dict[str, tuple[IncrementFunction, JacobianFunction]] = {
+BRANCH_EQUATIONS: dict[str, tuple[IncrementFunction, JacobianFunction]] = {
     scheme.name: (step.increment, step.jacobian)
     for scheme in map(BY_FILE.__getitem__, ("energy_preserving", "midpoint", "both_invariants"))
     if isinstance(step := scheme.step, Implicit)
@@ -83,9 +83,9 @@ def follow(problem: Problem, y0: Array, furthest: float, scheme: Scheme = energy
 
     Raises UsageError for a scheme whose step is not an equation in Δ alone.
     """
-    if scheme.name not in EQUATIONS:
+    if scheme.name not in BRANCH_EQUATIONS:
         raise UsageError(
-            expected=f"a scheme whose step is an equation in Δ alone: {', '.join(EQUATIONS)}",
+            expected=f"a scheme whose step is an equation in Δ alone: {', '.join(BRANCH_EQUATIONS)}",
             received=repr(scheme.name),
             remedy="the map of energy-preserving shows what its relatives can expect",
         )
@@ -94,7 +94,7 @@ def follow(problem: Problem, y0: Array, furthest: float, scheme: Scheme = energy
             expected="a range of Δ, finite and not 0", received=repr(furthest), remedy="give the largest |Δ|"
         )
     with np.errstate(all="ignore"):
-        return _Follower(problem, y0, furthest, EQUATIONS[scheme.name][0]).run()
+        return _Follower(problem, y0, furthest, BRANCH_EQUATIONS[scheme.name][0]).run()
 
 
 class _Follower:
@@ -135,9 +135,9 @@ class _Follower:
         exact for some H only.
         """
         size = np.abs(y1[k])
-        width = WIDTH * np.where(size > 1e-3 * self.scale_of(y1), size, 1e-3 * self.scale_of(y1))
+        width = CENTRAL_WIDTH * np.where(size > 1e-3 * self.scale_of(y1), size, 1e-3 * self.scale_of(y1))
         if self.problem.domain is not None:
-            width = np.where(size > 0, np.minimum(width, WIDTH * size), width)
+            width = np.where(size > 0, np.minimum(width, CENTRAL_WIDTH * size), width)
         ahead, behind = y1.copy(), y1.copy()
         ahead[k], behind[k] = y1[k] + width, y1[k] - width
         up, down = (self.increment(self.problem, y0, y, one).value for y in (ahead, behind))
@@ -154,7 +154,7 @@ class _Follower:
         active = np.arange(M)
         self.tangent[:, active] = self.direction(self.w, active, np.eye(d + 1)[:, -1:] * np.ones(M))
         points = [self.w.copy()]
-        for _ in range(MOST_STEPS):
+        for _ in range(BRANCH_MAX_STEPS):
             active = np.flatnonzero(self.end < 0)
             if not active.size:
                 break

@@ -18,7 +18,7 @@ from sepv.problem import Array, Problem
 from sepv.record import gauss_legendre
 from sepv.schemes import Scheme, energy_preserving
 from sepv.simulate import truncation_bound
-from sepv.studies._solvability.branch import EQUATIONS, Branch, End, follow
+from sepv.studies._solvability.branch import BRANCH_EQUATIONS, Branch, End, follow
 
 # A solution found by Newton counts as the connected one if the two differ by at most this fraction
 # of |y0| + |y1 − y0|. Both have errors of rounding times a condition number, which grows towards
@@ -26,10 +26,10 @@ from sepv.studies._solvability.branch import EQUATIONS, Branch, End, follow
 SAME_SOLUTION_TOLERANCE = 1e-4
 # The search for shorter branches between the states: rounds, minima per round, new states on either
 # side of a minimum.
-ROUNDS, LOWEST, POINTS = 3, 2, 4
+REFINING_ROUNDS, ROUND_MINIMA, MINIMUM_POINTS = 3, 2, 4
 # Gauss nodes for each noise but one: the integrand is smooth except for two jumps of size
 # P(|ξ| > A_h).
-NODES = 128
+NOISE_NODES = 128
 
 
 class Ending(Worded):
@@ -190,7 +190,7 @@ def _refine(problem: Problem, scheme: Scheme, y0: Array | None, furthest: float,
     Δ > 0 and Δ < 0.
     """
     theta = known[0]
-    for _ in range(ROUNDS):
+    for _ in range(REFINING_ROUNDS):
         known = known[:, np.argsort(known[0])]
         new = [t for row in (1, 2) for t in _between(known[0], known[row], furthest)]
         if not new:
@@ -203,18 +203,18 @@ def _refine(problem: Problem, scheme: Scheme, y0: Array | None, furthest: float,
 
 
 def _between(theta: Array, reach: Array, furthest: float) -> list[float]:
-    """New times next to the local minima of `reach`: POINTS times between a minimum and each of its
-    two neighbours.
+    """New times next to the local minima of `reach`: MINIMUM_POINTS times between a minimum and
+    each of its two neighbours.
 
-    Only minima below `furthest` are used, and only the LOWEST smallest of these.
+    Only minima below `furthest` are used, and only the ROUND_MINIMA smallest of these.
     """
     padded = np.concatenate([[np.inf], reach, [np.inf]])
     minima = np.flatnonzero((reach <= padded[:-2]) & (reach <= padded[2:]) & (reach < furthest))
     shares: list[float] = []
-    for i in minima[np.argsort(reach[minima], kind="stable")][:LOWEST]:
+    for i in minima[np.argsort(reach[minima], kind="stable")][:ROUND_MINIMA]:
         for j in (i - 1, i + 1):
             if 0 <= j < theta.size:
-                shares += np.linspace(theta[i], theta[j], POINTS + 2)[1:-1].tolist()
+                shares += np.linspace(theta[i], theta[j], MINIMUM_POINTS + 2)[1:-1].tolist()
     return shares
 
 
@@ -245,7 +245,7 @@ def _on_branch(problem: Problem, scheme: Scheme, y: Array, delta: float, branch:
     a, b = branch.z[before, :, lanes].T, branch.z[after, :, lanes].T
     near = a + share * np.where(np.isfinite(b), b - a, 0.0)
     step = np.full((1, y.shape[1]), delta)
-    solution = solve(problem, y, step, *EQUATIONS[scheme.name], start=near)
+    solution = solve(problem, y, step, *BRANCH_EQUATIONS[scheme.name], start=near)
     settled = solution.status == Status.CONVERGED
     # Next to a fold the equation is nearly singular. If it is not solved, the interpolated point is
     # used.
@@ -307,7 +307,7 @@ def _truncated(c: Array, below: Array, above: Array, bound: float) -> Array:
         up, down = above / c[0], -below / c[0]
         return np.where(up <= bound, _tail(up), 0.0) + np.where(down <= bound, _tail(down), 0.0)
     atom = float(_tail(np.array(bound)))
-    points, weights = gauss_legendre(NODES)
+    points, weights = gauss_legendre(NOISE_NODES)
     x = bound * (2 * points - 1)
     weights = 2 * bound * weights * np.exp(-0.5 * x * x) / np.sqrt(2 * np.pi)
     total = np.zeros(np.broadcast(below, above).shape)

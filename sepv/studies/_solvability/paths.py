@@ -25,7 +25,7 @@ from sepv.simulate import ensemble
 
 # The steps of the first horizon (the time to which paths are followed); each next horizon is twice
 # as far.
-FIRST = 256
+FIRST_HORIZON_STEPS = 256
 # The next horizon is started if this factor times its expected seconds (twice those of the last
 # one) are left.
 TIME_RESERVE = 1.5
@@ -127,12 +127,12 @@ def follow_paths(
     for number, h in enumerate(steps):
         share = (end - time.monotonic()) / (len(steps) - number)
         most, begin = max(1, round(until / h)), time.monotonic()
-        count = min(FIRST, most)
+        count = min(FIRST_HORIZON_STEPS, most)
         while True:
             started = time.monotonic()
             exits = horizon(h, count, most)
             # The seconds of the first horizon are not used, because compilation takes most of them.
-            last = 0.0 if count == FIRST else time.monotonic() - started
+            last = 0.0 if count == FIRST_HORIZON_STEPS else time.monotonic() - started
             spent = time.monotonic() - begin
             if count == most or exits.failed == paths or spent + TIME_RESERVE * 2 * last > share:
                 break

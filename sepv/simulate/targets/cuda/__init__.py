@@ -22,7 +22,7 @@ from sepv.simulate.targets.cuda import chunk, devices
 from sepv.simulate.targets.cuda.text import kernel_text
 
 # The most paths of a chunk, which fill a card, and the bytes of its arrays.
-PATHS, BYTES = 2**20, 2**32
+CHUNK_PATHS, CHUNK_BYTES = 2**20, 2**32
 
 
 def _prepare(
@@ -34,11 +34,11 @@ def _prepare(
 
 
 def _chunk(device: Callable[[], Any], task: Task, problem: Problem) -> Chunk:
-    return chunk.Chunk(task, problem, device())
+    return chunk.CudaChunk(task, problem, device())
 
 
 def _size(task: Task, _workers: Any, _fixed: bool) -> int:
-    return max(min(PATHS, BYTES // chunk.bytes_of_path(task) // 1024 * 1024), 1024)
+    return max(min(CHUNK_PATHS, CHUNK_BYTES // chunk.bytes_of_path(task) // 1024 * 1024), 1024)
 
 
 def _target(name: str, device: Callable[[], Any], packages: tuple[str, ...]) -> Target:

@@ -22,15 +22,21 @@ from sepv.simulate._ensembles.task import Task
 from sepv.simulate.targets.cuda.text import draw_text, kernel_text
 
 # The status of a path whose step waits for the core (`path.c`).
-FROZEN = -1
+WAITING_STATUS = -1
 # The bytes of the increments that are drawn before they are used, and the fewest and most steps of
 # such a block.
-BLOCK_BYTES, FEWEST, MOST = 2**29, 16, 256
+BLOCK_BYTES, BLOCK_MIN_STEPS, BLOCK_MAX_STEPS = 2**29, 16, 256
 
 
 def block_length(noises: int, paths: int) -> int:
     """The number of steps, a power of two, whose increments are in the device's memory at once."""
-    return 1 << min(max(BLOCK_BYTES // (8 * max(noises, 1) * paths), FEWEST), MOST).bit_length() - 1
+    return (
+        1
+        << min(
+            max(BLOCK_BYTES // (8 * max(noises, 1) * paths), BLOCK_MIN_STEPS), BLOCK_MAX_STEPS
+        ).bit_length()
+        - 1
+    )
 
 
 def bytes_of_path(task: Task) -> int:
@@ -39,8 +45,8 @@ def bytes_of_path(task: Task) -> int:
     """
     problem = task.problem if isinstance(task.problem, Problem) else build(task.problem)
     m, grid = problem.noises, wiener.grid(task.steps, task.refine)
-    normals = grid.base << grid.top if grid.base <= wiener.TOP else 0
-    return 8 * (2 * problem.dimension + 2 * m + 10 + m * (MOST + normals) + grid.streams * (4 + m))
+    normals = grid.base << grid.top if grid.base <= wiener.TOP_INCREMENTS else 0
+    return 8 * (2 * problem.dimension + 2 * m + 10 + m * (BLOCK_MAX_STEPS + normals) + grid.streams * (4 + m))
 
 
 @lru_cache(maxsize=1)
@@ -52,7 +58,7 @@ def layers() -> tuple[np.ndarray, ...]:
         return tables["ki"], tables["wi"], tables["fi"]
 
 
-class Chunk:
+class CudaChunk:
     """A chunk of paths at some step; `advance` takes further steps,
     as the chunks of the other targets do.
     """
@@ -74,7 +80,7 @@ class Chunk:
         self.points = [xp.asarray(v) for v in bounded.points(task.h, point_law(task.scheme.increments))]
         self.length = block_length(m, M)
         given = task.dW is not None or not m
-        self.increments: Any = Given(task, device) if given else Drawn(task, device, m, self.length)
+        self.increments: Any = GivenBlocks(task, device) if given else Drawn(task, device, m, self.length)
 
     def advance(self, steps: int) -> None:
         """Take the next `steps` steps."""
@@ -96,7 +102,7 @@ class Chunk:
         False if none waits.
         """
         xp, task = self.device.xp, self.task
-        lanes = xp.flatnonzero(self.status == FROZEN)
+        lanes = xp.flatnonzero(self.status == WAITING_STATUS)
         if not lanes.size:
             return False
         begins = self.failed_step[lanes] - self.done
@@ -140,7 +146,7 @@ class Chunk:
         )  # fmt: skip
 
 
-class Given:
+class GivenBlocks:
     """Blocks of given increments, or of none if there is no noise."""
 
     def __init__(self, task: Task, device: Any) -> None:
@@ -166,7 +172,7 @@ class Drawn:
         words = xp.asarray(wiener.stream_words(task.seed, grid))
         self.factors = xp.asarray(wiener.spreads(task.h * task.steps, grid))
         self.layers = device.tables(layers)
-        self.base = grid.base if grid.base <= wiener.TOP else 0
+        self.base = grid.base if grid.base <= wiener.TOP_INCREMENTS else 0
         self.normals = xp.empty((self.base << grid.top, m, M))
         self.states = xp.empty((len(words), 4, M), dtype=np.uint64)
         self.stack = xp.empty((len(words), m, M))

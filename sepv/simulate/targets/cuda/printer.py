@@ -12,7 +12,7 @@ import numpy as np
 
 from sepv.record import reachable
 
-_TEXTS = {
+_C_TEXTS = {
     "add": "{} + {}",
     "subtract": "{} - {}",
     "multiply": "{} * {}",
@@ -28,7 +28,7 @@ _TEXTS = {
     "select": "{} ? {} : {}",
     "arctan": "atan({})",
 }
-_CONDITIONS = {"greater", "greater_equal", "equal", "and", "or", "not"}
+_CONDITION_OPERATIONS = {"greater", "greater_equal", "equal", "and", "or", "not"}
 
 
 def number(value: float) -> str:
@@ -56,9 +56,9 @@ def statements(names: Mapping[int, str], outputs: Mapping[str, Any]) -> list[str
         if line.name == "power":
             text = f"pow({arguments[0]}, {number(line.value)})"
         else:
-            text = _TEXTS.get(line.name, f"{line.name}({{}})").format(*arguments)
+            text = _C_TEXTS.get(line.name, f"{line.name}({{}})").format(*arguments)
         shown[index] = f"t{index}"
-        lines.append(f"const {'int' if line.name in _CONDITIONS else 'double'} t{index} = {text};")
+        lines.append(f"const {'int' if line.name in _CONDITION_OPERATIONS else 'double'} t{index} = {text};")
     return [*lines, *(f"{place} = {shown[symbol.index]};" for place, symbol in outputs.items())]
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv.core.newton import ROUNDING, STAGNATION, STOP_ERROR, ZERO_RESIDUAL, Status
+from sepv.core.newton import RESIDUAL_ROUNDING, STAGNATION, STOP_ERROR, ZERO_RESIDUAL, Status
 from sepv.problem import Problem, cramer, dot
 from sepv.record import EPS, TINY
 from sepv.schemes import (
@@ -25,22 +25,19 @@ from sepv.schemes import (
     step_and_variance,
 )
 from sepv.simulate._compiled.compile import printed
-from sepv.simulate._compiled.layout import FIRST
+from sepv.simulate._compiled.layout import FIRST_CORRECTION, NEGLIGIBLE_CORRECTION
+from sepv.simulate._compiled.linear import CRAMER
 from sepv.simulate._compiled.recorded import RecordedProblem
 from sepv.simulate._compiled.schemes import Collocation, Formula
-from sepv.simulate._compiled.stages import SHRINKS, TESTED, StagesWriter
-from sepv.simulate._wiener import MIXING, STREAMS, TOP
+from sepv.simulate._compiled.stages import BLIND_SWEEPS, SHRINKS, TESTED_MAX_SWEEPS, StagesWriter
+from sepv.simulate._wiener import MIXING, STREAMS, TOP_INCREMENTS
 from sepv.simulate.targets.cuda.printer import function, number, table
 
-# The most unknowns for which Cramer's rule, and for which elimination, is written out.
-CRAMER, WRITTEN_OUT = 3, 6
+# The most unknowns for which elimination is written out.
+WRITTEN_OUT = 6
 # Newton iterations of an implicit equation, as of the core's straight-line code, and of a
 # projection.
-NEWTON_MAXITER, PROJECTION_MAXITER = 7, 40
-# Sweeps of an s-stage method before the first test, with ∇H at the stages.
-BLIND_SWEEPS = 8
-# Corrections below a quarter of a rounding change nothing.
-NEGLIGIBLE_CORRECTION = 2.0**-54
+STRAIGHT_MAXITER, PROJECTION_MAXITER = 7, 40
 # The largest relative error of Newton's matrix: that of recorded derivatives, and that of the
 # slopes in `functions.c`.
 EXACT_MATRIX, WITH_SLOPES = 2.0**-40, 2.0**-30
@@ -83,9 +80,9 @@ def _written(code: RecordedProblem, formula: Formula, compensated: bool) -> str:
         "INVARIANTS": len(invariants), "COMPENSATED": int(compensated), "HAS_DOMAIN": int(code.inside is not None),
         "LEFT_DOMAIN": int(Status.LEFT_DOMAIN),
         "OVERFLOW_": int(Status.OVERFLOW), "EPS": EPS, "TINY": TINY, "ZERO_RESIDUAL": ZERO_RESIDUAL,
-        "STAGNATION": STAGNATION, "ROUNDING": ROUNDING, "STOP_ERROR": STOP_ERROR, "DIRECTIONS": 0,
+        "STAGNATION": STAGNATION, "ROUNDING": RESIDUAL_ROUNDING, "STOP_ERROR": STOP_ERROR, "DIRECTIONS": 0,
         "FIRST_GRADIENTS": 0, "FIRST_STRUCTURES": 0,
-        "FIRST": FIRST, "EARLY": 0.0, **constants,
+        "FIRST": FIRST_CORRECTION, "EARLY": 0.0, **constants,
     }  # fmt: skip
     parts = [
         _defined(constants), _file("prelude"), _file("functions"),
@@ -101,7 +98,7 @@ def draw_text(noises: int) -> str:
     it is the same for all problems and schemes.
     """
     constants = {
-        "NOISES": noises, "STREAMS": f"{STREAMS}ULL", "MIXING": MIXING, "TOP_LEVELS": TOP.bit_length() - 1,
+        "NOISES": noises, "STREAMS": f"{STREAMS}ULL", "MIXING": MIXING, "TOP_LEVELS": TOP_INCREMENTS.bit_length() - 1,
         "IN_REGISTERS": IN_REGISTERS,
     }  # fmt: skip
     return "\n\n".join([_defined(constants), _file("prelude"), _file("draw")])
@@ -187,7 +184,7 @@ def _implicit(code: RecordedProblem, formula: Formula) -> _Parts:
         function("i64 ends(const double *y, const double *z)", {}, {}, ["return 0;"]),
     ]  # fmt: skip
     costs: dict[str, Any] = {
-        "MAXITER": NEWTON_MAXITER,
+        "MAXITER": STRAIGHT_MAXITER,
         "GRADIENTS": equation.gradients,
         "STRUCTURES": equation.structures,
     }
@@ -256,6 +253,7 @@ def _stages(code: RecordedProblem, formula: Formula) -> _Parts:
     ]  # fmt: skip
     constants = {
         "STAGES": s, "RULES": len(ladder), "EXACT": int(writer.exact), "STRAIGHT": int(writer.straight),
-        "BLIND": BLIND_SWEEPS, "TESTED": TESTED, "SHRINKS": SHRINKS, "NEGLIGIBLE_CORRECTION": NEGLIGIBLE_CORRECTION,
+        "BLIND": BLIND_SWEEPS, "TESTED": TESTED_MAX_SWEEPS, "SHRINKS": SHRINKS,
+        "NEGLIGIBLE_CORRECTION": NEGLIGIBLE_CORRECTION,
     }  # fmt: skip
     return constants, functions, ["stages"]
