@@ -33,6 +33,7 @@ from sepv.properties._sampled import sparing
 from sepv import problems
 from sepv.exact import FlowFailure, exact_flow
 from sepv.law import Run
+from sepv.law.tolerance import from_positions
 from sepv.problem import (
     Array,
     PolynomialSystem,
@@ -218,7 +219,7 @@ def _measure(scheme: Scheme, problem: Problem, spared: bool) -> LocalErrors:
     kept, mean, rms, weakly = np.array(rows).reshape(-1, 4).T
     return LocalErrors(
         problem.name, kept, mean, rms, weakly, seen, float(np.max(np.abs(states))) / length, flow / length, steps,
-        tuple(failed), kind,
+        tuple(failed), kind, from_positions(problem, states, kept) / length,
     )  # fmt: skip
 
 

@@ -42,6 +42,13 @@ multiplied by max_j b_j⁻¹∫|ℓ_j| (1.57 for s = 6), which bounds how the av
 skew B. So |H(y1) − H(y0)| ≤ Σ_i M_g,i r_i.
 **Casimirs**: |C(y1) − C(y0)| ≤ Σ_i M_C,i r_i. **Error of y1**: |(I − ∂R/∂y1)⁻¹| r.
 
+**Velocities from positions.** A mechanical step may take its momenta from rounded positions, p1 =
+M(q1 − q0 − …)/h, as programs with constraints do. If n additions make q1, it errs by n u|q1|. The
+difference of near numbers adds little, so p1 errs by n u|M||q1|/h, which grows as h falls. ASE's
+Langevin step has n = 2. BAOAB can take p after each half of a step, with n = 1 over h/2: together n
+= 4 over h. Only laws with h of rounding size allow for it (`from_positions`). In (1.1) steps have a
+random length, and it is not allowed for.
+
 **Many steps** (Brouwer 1937). A step adds an increment z to y0. The sum is rounded to nearest. In
 component i the error is spread evenly over ±½ulp(y1_i). So one step moves an invariant I by √(Σ_i
 (∂_iI ulp(y_i))²/12) in the root mean square, and n steps by √n times as much. For small |Δ| other
@@ -56,6 +63,7 @@ from typing import Any
 
 import numpy as np
 
+from sepv.errors import UsageError
 from sepv.problem import (
     Array,
     Function,
@@ -63,7 +71,9 @@ from sepv.problem import (
     hamiltonians_of,
     matmul,
     matvec,
+    mechanics,
     noise_vectors,
+    one_field,
     over_box,
     structures_of,
     structures_with_derivatives,
@@ -201,6 +211,24 @@ SEGMENT_SAMPLES = 9
 # A bound of underflow in single precision, because some processors take its subnormal numbers
 # for 0.
 LEAST_SINGLE = 2.0**-120
+
+
+# Additions behind a position from which a momentum is taken ("Velocities from positions").
+ADDITIONS = 4.0
+
+
+def from_positions(problem: Problem, states: Array, h: Any) -> Any:
+    """A bound of the errors |δp| of momenta that a step of length h takes from rounded positions
+    near `states` (d, S); 0 if the problem is not mechanical, or of (1.1).
+    """
+    if one_field(problem):
+        return 0.0 * h
+    try:
+        system = mechanics(problem)
+    except UsageError:
+        return 0.0 * h
+    sizes = np.abs(system.mass) @ system.split(np.abs(states))[0]
+    return ADDITIONS * 0.5 * EPS * np.max(np.linalg.norm(sizes, axis=0)) / h
 
 
 def pushes(problem: Problem) -> Array:

@@ -19,7 +19,7 @@ from sepv.reference.generator import moments
 import sepv
 from benchmarks.right_schemes import RIGHT_SCHEMES
 from sepv.faults.saboteurs import SABOTEURS
-from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, drift, noise_vectors
+from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, drift, langevin, noise_vectors
 from sepv.problems import langevin_double_well, langevin_oscillator, langevin_pair
 from sepv.schemes import LOCAL_LAWS, Scheme, by_name
 from sepv.simulate import areas
@@ -226,3 +226,62 @@ def test_exact_and_sampled_problems_are_reported_together() -> None:
         {"langevin-oscillator", "langevin-pair", "langevin-double-well"},
     )
     assert found.replay == "--law weak-order --seed 0 --paths 8192"
+
+
+def second_order(problem: Problem, y: Array, h: float, dW: Array, bridge: Array) -> Array:
+    """Equation 23 of Vanden-Eijnden and Ciccotti (2006) as ASE writes it: the velocity between two
+    kicks is a difference of rounded positions over h.
+    """
+    own = langevin(problem)
+    system, g = own.mechanics, own.rate
+    q, p = system.split(y)
+    noise, area = (system.velocity(own.pushed(row)) for row in (dW, bridge))
+
+    def kicked(v: Array, q: Array) -> Array:
+        share = 0.5 * h - 0.125 * g * h * h
+        return (
+            v
+            + share * (system.velocity(system.force(q)) - g * v)
+            + (0.5 - 0.125 * g * h) * noise
+            - 0.5 * g * h * area
+        )
+
+    moved = q + h * kicked(system.velocity(p), q) + h * area
+    return system.join(moved, system.momentum(kicked((moved - q - h * area) / h, moved)))
+
+
+def baoab_by_positions(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    own = langevin(problem)
+    system = own.mechanics
+    q, p = system.split(y)
+    middle = q + 0.5 * h * system.velocity(p + 0.5 * h * system.force(q))
+    p = own.refreshed(system.momentum((middle - q) / (0.5 * h)), h, dW)
+    end = middle + 0.5 * h * system.velocity(p)
+    return system.join(end, system.momentum((end - middle) / (0.5 * h)) + 0.5 * h * system.force(end))
+
+
+BY_POSITIONS = {
+    "ase": replace(by_name("baoab"), step=second_order, asks="space-time", order=None, claims=frozenset()),
+    "baoab": replace(by_name("baoab"), step=baoab_by_positions, order=None, claims=frozenset()),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "strong"), [("ase", 2), *((name, p) for name in BY_POSITIONS for p in (1, 0.5, None))]
+)
+def test_velocities_from_rounded_positions_accuse_nobody(name: str, strong: float | None) -> None:
+    """At the h of these laws, down to 1e-12, they are wrong by eps|q|/h."""
+    lowered = replace(BY_POSITIONS[name], mean_square_order=strong, weak_order=strong and min(2, 2 * strong))
+    assert verdicts(lowered, *LOCAL) == ["holds"] * 3
+
+
+@pytest.mark.parametrize("strong", [1, 0.5])
+@pytest.mark.parametrize("name", BY_POSITIONS)
+def test_such_velocities_hide_no_wrong_noise(name: str, strong: float) -> None:
+    right = BY_POSITIONS[name]
+
+    def louder(problem: Problem, y: Array, h: float, dW: Array, *more: Array) -> Array:
+        return right.step(problem, y, h, 1.02 * dW, *more)
+
+    wrong = replace(right, step=louder, mean_square_order=strong)
+    assert verdicts(wrong, *LOCAL[1:]) == ["violated"] * 2
