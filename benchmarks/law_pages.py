@@ -12,6 +12,7 @@ from pathlib import Path
 
 from benchmarks import start
 from sepv.law import Law, Middle
+from sepv.problem import FACTS
 from sepv.schemes import page_of as name_of_page
 from sepv.verification import ALL_LAWS, load_laws
 
@@ -44,7 +45,9 @@ def head(law: Law) -> str:
 
 
 def _facts(law: Law) -> str:
-    return f"Source: {law.source}. Unit: [{law.unit}](../laws.md#terms)."
+    needs = ", ".join(FACTS[fact] for fact in law.cases.needs) if law.cases else ""
+    needs = f" Needs: [{needs}](../laws.md#terms)." if needs else ""
+    return f"Source: {law.source}. Unit: [{law.unit}](../laws.md#terms).{needs}"
 
 
 def with_pages() -> list[Law]:

@@ -31,7 +31,7 @@ from sepv.law.advice import is_explicit
 from sepv.law.along_paths import watching
 from sepv.law.cases.users_problems import sources
 from sepv.problem import Problem, one_field
-from sepv.schemes import OF_DAMPED, OF_SEVERAL, Scheme, guarded
+from sepv.schemes import Scheme, guarded
 
 FALSE_ALARM = 1e-4
 FIRST_LOOK = 512
@@ -101,7 +101,7 @@ def is_tilted(scheme: Scheme) -> bool:
     # With several fields or damping the exact solution depends on the whole path. `tilted_errors`
     # uses only W(T).
     own = any(not one_field(problem) for item in sources(scheme) for problem in item.problems)
-    order = None if own or scheme.systems in OF_SEVERAL | OF_DAMPED else scheme.mean_square_order
+    order = None if own or one_field not in scheme.systems.facts else scheme.mean_square_order
     return order is not None and order >= TILTED
 
 

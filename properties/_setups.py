@@ -12,7 +12,7 @@ from sepv.properties._sampled import sparing
 from sepv import problems
 from sepv.law import Effort
 from sepv.law.units import units_of
-from sepv.problem import NamedProblem, Problem, Systems
+from sepv.problem import NamedProblem, Problem, Systems, one_hamiltonian, same_structure
 from sepv.schemes import Scheme, order_of
 
 # The claimed order from which on the mean square error depends on increments too rare for plain
@@ -88,7 +88,7 @@ def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...
     if users is not None:
         return tuple(_given(p, *facts) for p in users)
     usual = setups(scheme.systems, *facts)
-    if scheme.systems == Systems.HAMILTONIANS and _differs(scheme.mean_square_order):
+    if one_hamiltonian not in scheme.systems.facts and _differs(scheme.mean_square_order):
         return *usual, _setup("commuting-twists", *facts)
     if scheme.systems != Systems.SINGLE:
         return usual
@@ -103,7 +103,7 @@ def noncommuting(scheme: Scheme) -> tuple[Setup, ...]:
 
     They are left out for a claim above 1, which is about problems in which all flows commute.
     """
-    several = scheme.systems == Systems.SEVERAL and problems_of(scheme) is None
+    several = same_structure not in scheme.systems.facts and problems_of(scheme) is None
     if not several or order_of(scheme.mean_square_order, "commutative") > 1:
         return ()
     facts = (scheme.truncation, scheme.mean_square_order)

@@ -58,7 +58,6 @@ from sepv.law.tolerance import accumulated, correction_rounding, operations
 from sepv.problem import Array
 from sepv.record import PolynomialMap
 from sepv.schemes import (
-    OF_SEVERAL,
     Scheme,
     StatefulStep,
     Systems,
@@ -121,7 +120,7 @@ def pair(scheme: Scheme) -> Scheme | str:
     if systems is None:
         return f"{names[0]} is for systems of the class {first.systems}, {names[1]} for {second.systems}"
     still = first.deterministic or second.deterministic
-    if still and systems in OF_SEVERAL:
+    if still and systems.several_fields:
         return f"one of the two is for systems without noise, and systems of the class {systems} have noise"
     if first.dtype == "float64" != second.dtype:
         first, second = second, first
@@ -148,7 +147,7 @@ def _common(first: Systems, second: Systems) -> Systems | None:
     of which one contains the other.
     """
     for wide, narrow in ((first, second), (second, first)):
-        if wide in (narrow, Systems.SINGLE) or (wide is Systems.HAMILTONIANS and narrow in OF_SEVERAL):
+        if wide in (narrow, Systems.SINGLE) or (wide is Systems.HAMILTONIANS and narrow.several_fields):
             return narrow
     return None
 

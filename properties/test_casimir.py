@@ -10,7 +10,7 @@ from sepv.reference.problem import exact_problem
 from sepv.law import Case, Cases, Effort, Measurement, casimir_bound, require, searched, step_residual
 from sepv.law.cases.of_law import only
 from sepv.law.tolerance import casimir_ulp
-from sepv.problem import Systems
+from sepv.problem import hamiltonian_noises
 from sepv.schemes import Scheme, ask
 
 
@@ -53,7 +53,7 @@ law = searched(
         blind={"degree of B": ("0",), "Casimirs": ("linear",)},
         adapt=only(lambda p: len(p.casimirs) or len(p.linear_casimirs)),
         why="the problems name no quadratic or linear Casimir that the exact flow keeps",
-        not_of={Systems.ADDITIVE: "additive noise leaves the Casimirs of B: see invariant:casimir"},
+        needs={hamiltonian_noises: "additive noise leaves the Casimirs of B: see invariant:casimir"},
     ),
     check=check,
 )

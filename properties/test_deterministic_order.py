@@ -27,14 +27,14 @@ from sepv.errors import Skipped
 from sepv.law import Effort, Finding, Law, Run, Verdict, first_order, require
 from sepv.law.advice import is_explicit
 from sepv.problem import Problem
-from sepv.schemes import OF_SEVERAL, Scheme, has_memory
+from sepv.schemes import Scheme, has_memory
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - nothing is drawn
     """Compare the least power of h in the error of a step with p + ½,
     for the claimed order p (1 without a claim).
     """
-    if scheme.asks or scheme.systems in OF_SEVERAL:
+    if scheme.asks or scheme.systems.several_fields:
         why = "the scheme is for several fields, and y′ = B∇H has one"
         return law.finding(Verdict.NOT_APPLICABLE, message=why)
     claimed = scheme.order or 1.0

@@ -27,7 +27,7 @@ from sepv.law import (
 from sepv.law.cases.fixed_cases import may_be_refused
 from sepv.law.cases.of_law import NOT_KEPT
 from sepv.law.contraction import contraction_radius
-from sepv.problem import PolynomialSystem, Systems
+from sepv.problem import PolynomialSystem, Systems, one_hamiltonian
 from sepv.schemes import Scheme, ask_next
 
 STEPS = 3
@@ -85,7 +85,7 @@ law = searched(
     steps=310,
     cases=Cases(
         blind={"degree of H": ("1–2",)},
-        not_of={Systems.HAMILTONIANS: NOT_KEPT},
+        needs={one_hamiltonian: NOT_KEPT},
         fixed={Systems.SINGLE: for_energy},
     ),
     check=check,

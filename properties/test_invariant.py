@@ -41,7 +41,17 @@ from sepv.law.cases.of_law import Adapt
 from sepv.law.cases.random_cases import placed
 from sepv.law.cases.users_problems import sources
 from sepv.law.tolerance import majorant_over
-from sepv.problem import Array, Function, PolynomialSystem, Problem, Systems, damping_of
+from sepv.problem import (
+    Array,
+    Function,
+    PolynomialSystem,
+    Problem,
+    Systems,
+    damping_of,
+    energy_changes,
+    same_structure,
+    without_friction,
+)
 from sepv.problems import build, planes
 from sepv.record import EPS, TINY, poly
 from sepv.schemes import Scheme, ask
@@ -58,7 +68,7 @@ NONE_STATED = "no problem states a function: Problem(…, invariants={'momentum'
 # Schemes for these classes may rely on ∇C = 2Ay or b of their Casimirs.
 OF_DEGREE_TWO = (Systems.DAMPED, Systems.ADDITIVE)
 
-FRICTION = {Systems.FRICTION: "friction and noise change H and Casimirs at no constant rate: see equilibrium"}
+FRICTION = {without_friction: "friction and noise change H and Casimirs at no constant rate: see equilibrium"}
 
 Functions = Callable[[Case], list[Stated]]
 
@@ -296,10 +306,7 @@ for_energy = searched(
     cases=Cases(
         adapt=as_data,
         why="LH is not σ − λH, or the problems are not given as polynomial data",
-        not_of=FRICTION
-        | dict.fromkeys(
-            (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL), "the exact flow keeps H: see the law energy"
-        ),
+        needs={energy_changes: "the exact flow keeps H: see the law energy", **FRICTION},
         instead={Systems.HAMILTONIANS: Systems.SEPARABLE_HAMILTONIANS},
         fixed={Systems.ADDITIVE: by_degree},
         damped=True,
@@ -321,8 +328,7 @@ for_casimirs = searched(
         blind={"degree of C": ("1", "2")},
         adapt=about(casimirs),
         why="the problems name no Casimir of friction or additive noise, and none as data that is not quadratic",
-        not_of=FRICTION
-        | {Systems.SEVERAL: "its cases have one structure: see casimir", Systems.ADDITIVE: ""},
+        needs={same_structure: "its cases have one structure: see casimir", **FRICTION},
         fixed={Systems.SINGLE: beyond_three},
         damped=True,
     ),

@@ -30,7 +30,7 @@ from sepv.law.cases.case import quiet_problem
 from sepv.law.cases.from_problem import describe
 from sepv.law.cases.users_problems import items
 from sepv.problem import Systems, one_field
-from sepv.schemes import OF_SEVERAL, Scheme, takes
+from sepv.schemes import Scheme, takes
 
 # The number of paths on an orbit, for a confidence interval of the growth. A scheme without batches
 # gets fewer.
@@ -47,7 +47,7 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     """Judge the trend and the power of h on all orbits. Report the worst: first by verdict,
     then by `Judged.share`.
     """
-    if scheme.asks or scheme.systems in OF_SEVERAL - {Systems.MATRIX_HAMILTONIANS}:
+    if scheme.asks or (scheme.systems.several_fields and scheme.systems is not Systems.MATRIX_HAMILTONIANS):
         why = "the scheme is for several fields, which c = () leaves alone"
         return law.finding(Verdict.NOT_APPLICABLE, message=why)
     effort, found, lines, skipped = own.effort, list[tuple[Judged, Orbits]](), list[str](), list[str]()

@@ -13,7 +13,7 @@ from sepv.properties._exact_step import exact_step
 from sepv.law import Case, Cases, Effort, Measurement, require, searched
 from sepv.law.cases.of_law import only
 from sepv.law.tolerance import state_error
-from sepv.problem import Problem, Systems
+from sepv.problem import Problem, one_field
 from sepv.schemes import Scheme, ask
 
 
@@ -51,7 +51,7 @@ law = searched(
         blind={"degree of B": ("0",)},
         adapt=only(quadratic, data=True),
         why="the problems have no quadratic H given as data",
-        not_of={Systems.SEVERAL: _OTHER, Systems.HAMILTONIANS: _OTHER},
+        needs={one_field: _OTHER},
     ),
     check=check,
 )

@@ -25,8 +25,8 @@ from sepv.properties._structures import is_constant, is_poisson
 
 from sepv.law import Case, Cases, Effort, Measurement, Middle, require, searched
 from sepv.law.contraction import shortened
-from sepv.problem import Systems, conformal_rate, damping_of
-from sepv.schemes import OF_DAMPED, Scheme
+from sepv.problem import Fact, conformal_rate, damped, damping_of, hamiltonian_noises, same_structure
+from sepv.schemes import Scheme
 
 
 def poisson(case: Case) -> Case | None:
@@ -65,7 +65,9 @@ SIZES = {
     "degree of H": ("1–2", "3–4", "5–6"),
     "terms of H": ("1–2", "3–9"),
 }
-SEVERAL = {Systems.SEVERAL: "a map has one structure, and the systems have one for each noise"}
+ONE_STRUCTURE: dict[Fact, str] = {
+    same_structure: "a map has one structure, and the systems have one for each noise"
+}
 law = searched(
     name="poisson-map",
     statement="Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1) if B satisfies Jacobi's identity",
@@ -79,9 +81,9 @@ law = searched(
         where={"Jacobi": ("Poisson",), **SIZES},
         adapt=poisson,
         why="B of the problems does not satisfy Jacobi's identity, or the noise is given by vectors",
-        not_of={
-            **SEVERAL,
-            Systems.ADDITIVE: "a translation by additive noise is no Poisson map of every B",
+        needs={
+            **ONE_STRUCTURE,
+            hamiltonian_noises: "a translation by additive noise is no Poisson map of every B",
         },
     ),
     check=check,
@@ -106,7 +108,7 @@ for_constant_structure = searched(
         },
         adapt=constant,
         why="B of the problems is not constant",
-        not_of=SEVERAL,
+        needs=ONE_STRUCTURE,
     ),
     check=check,
 )
@@ -123,7 +125,7 @@ for_damping = searched(
         where={"degree of B": ("0",), "Casimirs": ("none",), "d": SIZES["d"]},
         adapt=conformal,
         why="the problems have no damping −Γy with ΓB + BΓᵀ = κB and constant B",
-        not_of={s: "the systems have no damping" for s in Systems if s not in OF_DAMPED},
+        needs={damped: "the systems have no damping"},
         damped=True,
     ),
     check=check_conformal,

@@ -143,7 +143,6 @@ def reaching(case: Case) -> Case | None:
     return case
 
 
-_NO_DOMAIN = "no system of the class has a domain to leave"
 law = searched(
     name="positivity",
     statement="y1 is inside the problem's domain; for Lotka-Volterra all components are positive",
@@ -160,7 +159,7 @@ law = searched(
             Systems.NAMBU: lotka_volterra_steps,
             Systems.HAMILTONIANS: species_steps,
         },
-        not_of={Systems.SEVERAL: _NO_DOMAIN},
+        no_cases_of={Systems.SEVERAL: "no system of the class has a domain to leave"},
     ),
     check=check,
 )

@@ -21,7 +21,7 @@ from sepv.law import (
 )
 from sepv.law.cases.clipped import clips, fits
 from sepv.law.cases.of_law import only
-from sepv.problem import Array, Problem, Systems
+from sepv.problem import Array, Problem, one_field
 from sepv.schemes import Scheme, ask
 
 
@@ -108,7 +108,7 @@ law = searched(
         blind={"degree of B": ("0",)},
         adapt=only(lambda p: p.c.any()),
         why="the problems have no noise",
-        not_of={Systems.SEVERAL: _NO_STEP, Systems.HAMILTONIANS: _NO_STEP},
+        needs={one_field: _NO_STEP},
     ),
     check=check,
 )

@@ -14,8 +14,8 @@ from sepv.reference.equations_by_class import equation_for
 from sepv.law import Case, Cases, Effort, Measurement, require, searched
 from sepv.law.cases.case import with_noise
 from sepv.law.tolerance import state_error
-from sepv.problem import GivenProblem, PolynomialSystem, one_field
-from sepv.schemes import Scheme, Systems, ask
+from sepv.problem import GivenProblem, PolynomialSystem, one_field, one_hamiltonian, same_structure
+from sepv.schemes import Scheme, ask
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
@@ -24,7 +24,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
-    if scheme.systems == Systems.SEVERAL and isinstance(case.problem, PolynomialSystem):
+    if same_structure not in scheme.systems.facts and isinstance(case.problem, PolynomialSystem):
         single = replace(case.problem, noise_structures=())
         exact, condition = exact_step("energy-preserving", single, case.y, h, case.dW)
         error, bound = state_error(exact, condition, problem, y, y1, h, dW, scheme)
@@ -80,9 +80,7 @@ law = searched(
         where={"structures": ("all are B",)},
         adapt=reduced,
         why="it compares with a solution in extended precision, which needs the problem as data",
-        not_of={
-            Systems.HAMILTONIANS: "it is about the equation of (2.1), which several Hamiltonians do not have"
-        },
+        needs={one_hamiltonian: "it is about the equation of (2.1), which several Hamiltonians do not have"},
     ),
     check=check,
 )

@@ -43,7 +43,15 @@ from sepv.law.cases.commuting import of_actions
 from sepv.law.cases.fixed_cases import longest, many
 from sepv.law.cases.random_parts import coefficient
 from sepv.law.tolerance import gradient_majorant, state_error, structure_majorant
-from sepv.problem import Array, GivenProblem, PolynomialSystem, Problem, matvec
+from sepv.problem import (
+    Array,
+    GivenProblem,
+    PolynomialSystem,
+    Problem,
+    matvec,
+    one_hamiltonian,
+    same_structure,
+)
 from sepv.problems import commuting_actions
 from sepv.record import EPS, TINY, poly
 from sepv.schemes import Scheme, Systems, ask
@@ -96,7 +104,7 @@ def _against_mpmath(scheme: Scheme, case: Case, near: Array | None = None) -> Me
     try:
         y1 = ask(scheme, problem, y, h, dW)
     except StepFailure:
-        if scheme.systems == Systems.SEVERAL and _undefined(scheme, case):
+        if same_structure not in scheme.systems.facts and _undefined(scheme, case):
             return Measurement(0.0, 0.0, f"refused, as is right: {UNDEFINED}")
         raise
     start = None if near is None else near.tolist()
@@ -251,8 +259,8 @@ def _law(seen: list[tuple[Case, Measurement]], extra: Iterable[Case] = ()) -> La
             blind={"degree of H": ("1–2",), "degree of B": ("0",)},
             adapt=lambda case: None if isinstance(case.problem, GivenProblem) else case,
             why="it compares with a solution in extended precision, which needs the problem as data",
-            not_of={
-                Systems.HAMILTONIANS: "it is about the equation of (2.1), which several Hamiltonians do not have"
+            needs={
+                one_hamiltonian: "it is about the equation of (2.1), which several Hamiltonians do not have"
             },
             fixed={systems: lambda: extra for systems in Systems if systems not in FAMILIES}
             | {

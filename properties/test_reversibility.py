@@ -13,7 +13,7 @@ from sepv.properties._reversal import momentum_flip
 from sepv.properties._way_back import measured, no_memory
 
 from sepv.law import Case, Cases, Effort, Measurement, Middle, require, searched
-from sepv.problem import Systems
+from sepv.problem import Systems, one_field
 from sepv.problems import build
 from sepv.schemes import Scheme
 
@@ -51,13 +51,8 @@ law = searched(
         adapt=reversible,
         why="H or B of the problems changes with the sign of the momenta, or nothing tells which half of y they are",
         instead={Systems.SINGLE: Systems.MECHANICAL},
-        not_of={
-            **dict.fromkeys(
-                (Systems.NAMBU, Systems.LIE_POISSON, Systems.RIGID_BODIES, Systems.MATRIX_HAMILTONIANS),
-                _HALVES,
-            ),
-            **dict.fromkeys((Systems.SEVERAL, Systems.HAMILTONIANS, Systems.SEPARABLE_HAMILTONIANS), _ORDER),
-        },
+        no_cases_of={Systems.NAMBU: _HALVES},
+        needs={one_field: _ORDER},
     ),
     check=check,
 )

@@ -198,7 +198,7 @@ def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
         users = tuple(problem for problem in users if one_hamiltonian(problem))
     if users and all(map(damping_of, users)):
         raise Skipped(UNDAMPED)
-    if scheme.systems == Systems.HAMILTONIANS or users == ():
+    if one_hamiltonian not in scheme.systems.facts or users == ():
         raise Skipped(NOT_KEPT)
     if users is None:
         runs: dict[str, Any] = {Systems.NAMBU: NAMBU_RUNS, Systems.SEVERAL: SEVERAL_RUNS}

@@ -15,7 +15,7 @@ from sepv.properties._structures import places
 
 from sepv.law import Case, Cases, Effort, Measurement, Middle, require, searched
 from sepv.law.contraction import shortened
-from sepv.problem import Array, Problem, Systems, derivative_of_structure
+from sepv.problem import Array, Problem, derivative_of_structure, one_field
 from sepv.problems import build
 from sepv.record import EPS
 from sepv.schemes import Scheme
@@ -87,15 +87,7 @@ law = searched(
         },
         adapt=volume_kept,
         why="the flow of the problems changes volume",
-        not_of=dict.fromkeys(
-            (
-                Systems.SEVERAL,
-                Systems.HAMILTONIANS,
-                Systems.MATRIX_HAMILTONIANS,
-                Systems.SEPARABLE_HAMILTONIANS,
-            ),
-            "the flow keeps volume where each of its fields does",
-        ),
+        needs={one_field: "the flow keeps volume where each of its fields does"},
     ),
     check=check,
 )

@@ -27,7 +27,6 @@ from sepv.problem import (
     Array,
     PolynomialSystem,
     Problem,
-    Systems,
     column,
     one_field,
     scaled_damping,
@@ -131,7 +130,7 @@ def lower_order(scheme: Scheme, run: Run) -> tuple[tuple[float, float, str] | No
         return None, 0
     listed = problems_of(scheme)
     if listed is None:
-        if scheme.systems not in (Systems.SINGLE, Systems.NAMBU):
+        if one_field not in scheme.systems.facts:
             return None, 0
         listed = (two_noises(),)
     steps = 0

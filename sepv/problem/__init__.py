@@ -1,10 +1,11 @@
 """Problems: a structure matrix B, a Hamiltonian H, noise coefficients c,
 and everything derived from them.
 
-Read `_problem` first (a problem as data, and the classes of systems). `_derived` derives gradient,
+Read `_problem` first (a problem as data). `_derived` derives gradient,
 Hessian, B′ and averages from recorded operations of B and H, and `_checks` compares the parts. What
 a step uses of a problem stands in `sepv.core`, also the record of its fields, `Channel`. `_facts`
-and `_channels` compute all that is asked of a system from these. Equation (1.1) is dy = B∇H(dt + Σ
+and `_channels` compute all that is asked of a system from these, and `_systems` names classes of
+systems by facts. Equation (1.1) is dy = B∇H(dt + Σ
 c_j∘dW_j). `_structures` (a structure for each noise), `_hamiltonians` (a Hamiltonian or a vector
 for each noise) and `_damped` make wider systems, `_nambu` and `_mechanics` narrower ones.
 `_poisson` computes the defect of Jacobi's identity. `_json` reads and writes problems as JSON.
@@ -47,16 +48,22 @@ from sepv.problem._directions import Directions, directions, projections
 from sepv.problem._enclosures import over_box as over_box
 from sepv.problem._enclosures import recorded as recorded
 from sepv.problem._facts import (
+    damped,
     damping_matrix,
     damping_of,
+    energy_changes,
+    hamiltonian_noises,
     hamiltonians_of,
     noise_vectors,
     one_field,
     one_hamiltonian,
     one_structure,
+    same_structure,
     structures_of,
     structures_with_derivatives,
+    undamped,
     uniform_damping,
+    without_friction,
 )
 from sepv.problem._fields import casimir_gradients as casimir_gradients
 from sepv.problem._fields import changes_of_invariants, invariants, known_invariants, slope_along
@@ -82,9 +89,11 @@ from sepv.problem._problem import GivenProblem as GivenProblem
 from sepv.problem._problem import NamedProblem as NamedProblem
 from sepv.problem._problem import PolynomialSystem as PolynomialSystem
 from sepv.problem._problem import Problem as Problem
-from sepv.problem._problem import Systems as Systems
 from sepv.problem._products import dot, turned_along
 from sepv.problem._structures import ClosedForm, undefined
 from sepv.problem._structures import CommutingStructure as CommutingStructure
 from sepv.problem._structures import StructuresProblem as StructuresProblem
 from sepv.problem._structures import commuting_hamiltonians as commuting_hamiltonians
+from sepv.problem._systems import FACTS as FACTS
+from sepv.problem._systems import Fact as Fact
+from sepv.problem._systems import Systems as Systems

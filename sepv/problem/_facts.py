@@ -30,9 +30,19 @@ def one_hamiltonian(problem: System) -> bool:
     return all(F.keeping is not None for F in problem.channels)
 
 
+def hamiltonian_noises(problem: System) -> bool:
+    """True if no noise is given by a constant vector."""
+    return all(F.gradient is not None for F in problem.channels)
+
+
+def same_structure(problem: System) -> bool:
+    """True if all structures are B, whatever vectors and damping there are."""
+    return all(F.structure is problem.structure for F in problem.channels if F.gradient is not None)
+
+
 def one_structure(problem: System) -> bool:
     """True if the fields are B∇H_k with one B, apart from damping."""
-    return all(F.gradient is not None and F.structure is problem.structure for F in problem.channels)
+    return hamiltonian_noises(problem) and same_structure(problem)
 
 
 def structures_of(problem: System) -> list[Function]:
@@ -79,6 +89,26 @@ def damping_of(problem: System) -> float:
     """
     damping = np.asarray(problem.channels[0].damping, dtype=np.float64)
     return float(np.max(np.sum(np.abs(damping), axis=1)) if damping.ndim else damping)
+
+
+def damped(problem: System) -> bool:
+    """True if the drift has damping or friction."""
+    return bool(damping_of(problem))
+
+
+def undamped(problem: System) -> bool:
+    """True without damping and friction."""
+    return not damped(problem)
+
+
+def energy_changes(problem: System) -> bool:
+    """True unless the exact flow keeps H of each system of this form."""
+    return damped(problem) or not one_hamiltonian(problem)
+
+
+def without_friction(problem: System) -> bool:
+    """True without damping, or with −γy beside noises that have the field of the drift."""
+    return undamped(problem) or uniform_damping(problem) is not None
 
 
 def uniform_damping(problem: System) -> float | None:

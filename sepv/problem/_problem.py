@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import InitVar, dataclass, field
-from enum import StrEnum
 from inspect import signature
 from typing import Any
 
@@ -38,67 +37,6 @@ _FUNCTIONS = (
 # The structure of polynomial data: entries (i, j, B_ij) with i < j.
 Structure = tuple[tuple[int, int, Polynomial], ...]
 Matrix = tuple[tuple[float, ...], ...]
-
-
-class Systems(StrEnum):
-    """The classes of systems for which schemes are made;
-    a text such as "single" may stand for a class.
-
-    single
-        (1.1): dy = B(y)∇H(y)(dt + Σ c_j∘dW_j).
-    nambu
-        (1.1) in dimension three with B(y)v = g(y)(v × ∇C(y)) for a Casimir C and a factor g:
-        `Problem.nambu`.
-    several
-        A structure G_j for each noise, or Hamiltonians H_j with {H_0, H_j} = ∇H_0ᵀB∇H_j = 0. The
-        flow keeps H.
-    hamiltonians
-        A Hamiltonian H_j for each noise, whether or not {H_0, H_j} = 0.
-
-    Laws draw random systems from narrower classes too:
-
-    canonical-separable
-        (1.1) with H = T(p) + V(q), y = (p, q) and B = J⁻¹, where J = [[0, I], [−I, 0]].
-    mechanical
-        (1.1) with H = ½ pᵀM⁻¹p + V(q), y = (q, p), positions first, and B = J:
-        `sepv.problem.mechanics`.
-    lie-poisson
-        (1.1) with B linear in y.
-    rigid-bodies
-        The rigid body of the paper's §4.2 with a random inertia tensor, H = ½ yᵀI⁻¹y.
-    principal-bodies
-        Rigid bodies in their principal axes, H = ½ Σ y_k²/I_k, for schemes that read three moments
-        of inertia.
-    matrix-hamiltonians
-        Several Hamiltonians with B of a Lie algebra of matrices: so(3), so(4) or su(3).
-    separable-hamiltonians
-        H_0 = ½ Σ w_k p_k² + V(q), and noise that is additive in p.
-    additive
-        dy = B(y)∇H dt + Σ c_j g_j dW_j with constant g_j, in the image of B or not, and H quadratic
-        along them. Some problems give vectors (`sepv.problem.noise_vectors`), others linear H_j
-        with g_j = B∇H_j.
-    damped
-        dy = (B(y)∇H − γy) dt + Σ c_j B(y)∇H ∘dW_j with a homogeneous H
-        (`sepv.problem.DampedProblem`).
-    friction
-        dq = M⁻¹p dt, dp = (−∇V − γp) dt + σ dW, Langevin dynamics at a temperature
-        (`sepv.problem.friction`).
-    """
-
-    SINGLE = "single"
-    NAMBU = "nambu"
-    SEVERAL = "several"
-    HAMILTONIANS = "hamiltonians"
-    CANONICAL_SEPARABLE = "canonical-separable"
-    MECHANICAL = "mechanical"
-    LIE_POISSON = "lie-poisson"
-    RIGID_BODIES = "rigid-bodies"
-    PRINCIPAL_BODIES = "principal-bodies"
-    MATRIX_HAMILTONIANS = "matrix-hamiltonians"
-    SEPARABLE_HAMILTONIANS = "separable-hamiltonians"
-    ADDITIVE = "additive"
-    DAMPED = "damped"
-    FRICTION = "friction"
 
 
 @dataclass(frozen=True)

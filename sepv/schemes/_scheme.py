@@ -31,14 +31,6 @@ DTYPES = ("float64", "float32")
 # single steps count each operation.
 SINGLE_STEP = 4.0
 
-# The classes of systems in which different noises have different fields.
-OF_SEVERAL = frozenset((
-    Systems.SEVERAL, Systems.HAMILTONIANS, Systems.MATRIX_HAMILTONIANS, Systems.SEPARABLE_HAMILTONIANS,
-    Systems.ADDITIVE,
-))  # fmt: skip
-# The classes of systems with damping, in which the exact solution depends on the whole path, and
-# not on Δ alone.
-OF_DAMPED = frozenset((Systems.DAMPED, Systems.FRICTION))
 # A step (problem, y, h, dW) -> y_next, with a fifth argument for a scheme with `Scheme.asks`.
 Step = Callable[..., Array]
 Solve = Callable[[Problem, Array, float, Array], Solution]
@@ -245,7 +237,7 @@ class Scheme:
         require_one_of("systems", self.systems, tuple(Systems), "leave it out for a scheme for (1.1)")
         object.__setattr__(self, "systems", Systems(self.systems))
         stochastic = [n for n in ("mean_square_order", "weak_order") if getattr(self, n) is not None]
-        if self.noise is False and (stochastic or self.systems in OF_SEVERAL):
+        if self.noise is False and (stochastic or self.systems.several_fields):
             raise UsageError(
                 expected="a scheme without noise (noise=False) to be for (1.1) and to claim `order` alone",
                 received=f"{stochastic[0]} = {getattr(self, stochastic[0])!r}"
@@ -273,7 +265,7 @@ class Scheme:
         if self.noise is not None:
             return not self.noise
         others = self.mean_square_order, self.weak_order
-        return self.order is not None and others == (None, None) and self.systems not in OF_SEVERAL
+        return self.order is not None and others == (None, None) and not self.systems.several_fields
 
     @property
     def eps(self) -> float:

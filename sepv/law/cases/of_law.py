@@ -23,17 +23,12 @@ from sepv.law.cases.strata import Space, Strata
 from sepv.law.cases.users_problems import Item
 from sepv.problem import (
     Description,
+    Fact,
     GivenProblem,
-    PolynomialSystem,
     Problem,
     Systems,
-    damping_of,
-    one_field,
-    one_hamiltonian,
-    one_structure,
-    uniform_damping,
+    undamped,
 )
-from sepv.schemes import OF_DAMPED
 
 # A function that adapts a case to a law: it returns a case to which the law applies, or None.
 Adapt = Callable[[Case], Case | None]
@@ -44,12 +39,6 @@ NOT_KEPT = "with several Hamiltonians that do not commute with H_0 the exact flo
 
 # The reason why a law does not apply to damped systems, unless it says otherwise.
 UNDAMPED = "the law speaks of systems without damping"
-
-
-def is_damped(case: Case) -> bool:
-    """True if the problem of a case has damping or friction."""
-    data = case.problem
-    return bool((data if isinstance(data, PolynomialSystem) else named.build(data)).damping)
 
 
 def unchanged(case: Case) -> Case:
@@ -103,17 +92,20 @@ class Cases:
     blind : axis -> strata
         Ranges in which no violation can show. Pairs of other ranges must occur in cases outside
         these ranges.
-    not_of : class of systems -> str
-        The reason why the law does not apply to a class. By default additive noise has that of
-        several Hamiltonians.
+    needs : fact -> str
+        The facts that a system must have (`sepv.problem`), each with the reason why the law does
+        not apply without it.
     damped : bool
-        True if the law applies to damped systems too.
+        True if the law applies to damped systems too; by default it needs `undamped`.
     stays : bool
         True if the law makes steps of the case's problem alone. If False, users' problems are not
         measured.
     instead : class -> class, or () -> strategy
         For schemes for a class, the source of cases that replaces the class: a narrower class, or a
         strategy.
+    no_cases_of : class -> str
+        The classes that have no cases of the law, though they have the facts that it needs, each
+        with the reason.
     fixed : class -> (() -> cases)
         Cases that are measured with every seed, in addition to the fixed cases of the class.
     made : class -> (count, Random -> case)
@@ -125,16 +117,17 @@ class Cases:
     why: str = "the law says nothing about the problems"
     where: Mapping[str, Strata] = field(default_factory=dict)
     blind: Mapping[str, Strata] = field(default_factory=dict)
-    not_of: Mapping[Systems, str] = field(default_factory=dict)
+    needs: Mapping[Fact, str] = field(default_factory=dict)
     damped: bool = False
     stays: bool = True
     instead: Mapping[Systems, Systems | Callable[[], Strategy]] = field(default_factory=dict)
+    no_cases_of: Mapping[Systems, str] = field(default_factory=dict)
     fixed: Mapping[Systems, Callable[[], Iterable[Case]]] = field(default_factory=dict)
     made: Mapping[Systems, tuple[int, Callable[[Random], Case]]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        additive = {Systems.ADDITIVE: self.not_of.get(Systems.HAMILTONIANS, "")}
-        object.__setattr__(self, "not_of", {**additive, **self.not_of} if self.not_of else {})
+        if not self.damped:
+            object.__setattr__(self, "needs", {undamped: UNDAMPED, **self.needs})
         known: dict[str, dict[str, None]] = {}
         for axis in (axis for own in CLASSES.values() for axis in own.space.axes):
             known.setdefault(axis.name, {}).update(dict.fromkeys(s.name for s in axis.strata))
@@ -147,20 +140,27 @@ class Cases:
         """The space of the cases that the law measures for a class;
         None if they do not come from a space.
         """
-        if self.not_of.get(systems) or systems in self.made:
+        if self._refuses(systems) or systems in self.made:
             return None
         source = self.instead.get(systems, systems)
         return CLASSES[source].space.part(self.where, self.blind) if isinstance(source, Systems) else None
 
+    def _refuses(self, systems: Systems) -> str:
+        """The reason why the law does not apply to a class of systems; empty if it does."""
+        source = self.instead.get(systems, systems)
+        facts = (source if isinstance(source, Systems) else systems).facts
+        lacking = (why for fact, why in self.needs.items() if fact not in facts)
+        return self.no_cases_of.get(systems) or next(lacking, "")
+
+    def _lacks(self, problem: Problem) -> str:
+        """The reason why the law does not apply to a problem, by the first fact that it lacks."""
+        return next((why for fact, why in self.needs.items() if not fact(problem)), "")
+
     def adapted(self, case: Case) -> Case | None:
         """Change a case so that the law applies (`adapt`);
-        None if it does not apply to the case or its class.
+        None if it does not apply to the case or its system.
         """
-        if self.not_of and self.not_of.get(class_of(case.problem)):
-            return None
-        if not self.damped and is_damped(case):
-            return None
-        return self.adapt(case)
+        return None if self.needs and self._lacks(named.build(case.problem)) else self.adapt(case)
 
     def without_noise(self) -> Cases | str:
         """The cases for a scheme without noise, each with h = Δ of the noisy case;
@@ -191,10 +191,8 @@ class Cases:
         """The cases for a scheme that accepts all systems of a class,
         or the reason why there are none.
         """
-        if why := self.not_of.get(systems):
+        if why := self._refuses(systems):
             return why
-        if systems in OF_DAMPED and not self.damped:
-            return UNDAMPED
         if systems in self.made:
             count, make = self.made[systems]
             drawn_alone = self._adapting(st.randoms(use_true_random=False).map(make))
@@ -230,15 +228,10 @@ class Cases:
         """
         if not self.stays:
             return "the law leads out of the problems that the scheme is for"
-        everything = self.adapt is unchanged and not self.not_of
-        if not self.damped:
-            items = [item for item in items if not any(map(damping_of, item.problems))]
-            if not items:
-                return UNDAMPED
+        everything = self.adapt is unchanged and not self.needs
         usable = [item for item in items if everything or item.meets(self.adapted, self.where)]
         if not usable:
-            classes = {class_of(item.fixed) for item in items if item.fixed is not None}
-            return next((self.not_of[c] for c in classes if self.not_of.get(c)), self.why)
+            return next((why for item in items for p in item.problems if (why := self._lacks(p))), self.why)
         drawn = st.one_of(*(item.values.flatmap(of_case) for item in usable))
         families = [Systems(item.text) for item in usable if item.space is not None]
         fixed = [case for systems in families if systems in self.fixed for case in self.fixed[systems]()]
@@ -257,7 +250,7 @@ class Cases:
         return [adapted for case in cases if (adapted := self.adapted(case)) is not None]
 
     def _adapting(self, drawn: Strategy) -> Strategy:
-        if self.adapt is unchanged and not self.not_of:
+        if self.adapt is unchanged and not self.needs:
             return drawn
         return _present(drawn.map(self.adapted))
 
@@ -280,20 +273,6 @@ def _adapted_within(adapt: Adapt, k: int, case: Case) -> Case | None:
 
 
 ALL_CASES = Cases(damped=True)
-
-
-def class_of(description: Description | Problem) -> Systems:
-    """The class of a problem. With one B, one H and no damping it is the whole class (1.1),
-    never a narrower one.
-    """
-    problem = description if isinstance(description, Problem) else named.build(description)
-    if one_field(problem):
-        return Systems.SINGLE
-    if damping_of(problem):
-        return Systems.DAMPED if uniform_damping(problem) else Systems.FRICTION
-    if one_hamiltonian(problem):
-        return Systems.SEVERAL
-    return Systems.HAMILTONIANS if one_structure(problem) else Systems.ADDITIVE
 
 
 def _present(drawn: st.SearchStrategy[Case | None]) -> Strategy:
