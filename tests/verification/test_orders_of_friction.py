@@ -272,7 +272,7 @@ BY_POSITIONS = {
 def test_velocities_from_rounded_positions_accuse_nobody(name: str, strong: float | None) -> None:
     """At the h of these laws, down to 1e-12, they are wrong by eps|q|/h."""
     lowered = replace(BY_POSITIONS[name], mean_square_order=strong, weak_order=strong and min(2, 2 * strong))
-    assert verdicts(lowered, *LOCAL) == ["holds"] * 3
+    assert verdicts(lowered, *LOCAL_LAWS) == ["holds"] * 3
 
 
 @pytest.mark.parametrize("strong", [1, 0.5])
@@ -284,4 +284,4 @@ def test_such_velocities_hide_no_wrong_noise(name: str, strong: float) -> None:
         return right.step(problem, y, h, 1.02 * dW, *more)
 
     wrong = replace(right, step=louder, mean_square_order=strong)
-    assert verdicts(wrong, *LOCAL[1:]) == ["violated"] * 2
+    assert verdicts(wrong, *LOCAL_LAWS[1:]) == ["violated"] * 2
