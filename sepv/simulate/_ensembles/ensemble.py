@@ -318,7 +318,9 @@ def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
         "steps": whole.steps,
         "T": whole.h * whole.steps,
         "seed": "given increments" if dW is not None else whole.seed,
-        "increments": ("drawn" if dW is None else hashlib.sha256(np.ascontiguousarray(dW)).hexdigest()[:16])
+        "increments": (
+            "drawn" if dW is None else hashlib.sha256(np.ascontiguousarray(dW).data).hexdigest()[:16]
+        )
         + ("" if law is None else f", {law}"),
         "refine": "as far as it goes" if whole.refine is None else whole.refine,
         "truncation": "none" if whole.truncation is None else whole.truncation,
