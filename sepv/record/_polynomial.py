@@ -8,10 +8,10 @@ is evaluated here in binary64.
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 from math import isfinite
 from numbers import Real
 from typing import Any
@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sepv._arguments import double
 from sepv.errors import UsageError
+from sepv.record._arrays import Source
 
 Exponents = tuple[int, ...]
 # The largest degree. For larger k, x^k is 0 or infinite for nearly every binary64 number x.
@@ -194,6 +195,9 @@ def _of_sorted(dimension: int, terms: list[tuple[Exponents, float]]) -> Polynomi
 # over layers of terms. The loop saves additions but calls NumPy more often. The number was
 # measured, and matters for speed alone.
 ONE_REDUCTION_MAX_SIZE = 8192
+# A single state is evaluated by a Python function of numbers from this use on, when its compilation
+# has paid, and if it has at most so many factors and terms. Measured, for speed alone.
+COMPILED_FROM_USE, COMPILED_MAX_SIZE = 64, 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,6 +236,34 @@ class _Sums:
         """
         values = self._values(y)
         return values if self.rows is None else values.take(self.rows, axis=0)
+
+    def of_one(self, d: int) -> Callable[[list[float], tuple[()]], list[float]] | None:
+        """The values of all polynomials for the d components of one state, as a function of
+        numbers; None until it has paid to compile it.
+        """
+        own = vars(self)
+        own["uses"] = uses = own.get("uses", 0) + 1
+        if uses < COMPILED_FROM_USE or self.factors.size + self.places.size > COMPILED_MAX_SIZE:
+            return None
+        if "function" not in own:
+            own["function"] = Source(self._text(d), ()).function
+        return own["function"]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "function"}
+
+    def _text(self, d: int) -> str:
+        """The operations of `_at_once` in the same order, except products with 1."""
+        used = {n for n in self.factors.flat if n >= d}
+        powers = sorted({i for n in used for i in range(n % d + d, n + 1, d)})
+        lines = [f"p{n} = " + (f"p{n - d} * p{d + n % d}" if n >= 2 * d else f"y[{n - d}]") for n in powers]
+        products = [" * ".join(f"p{n}" for n in numbers if n >= d) for numbers in self.factors.T]
+        lines += [f"m{t} = {product or 1.0}" for t, product in enumerate(products)]
+        terms = [f"{c!r} * m{t}" for t, c in zip(self.places, self.coefficients.tolist(), strict=True)]
+        for n, (start, end) in enumerate(pairwise(self.starts)):
+            lines.append(f"s{n} = " + " + ".join(["0.0", *terms[start:end]]))
+        rows = range(len(self.starts) - 1) if self.rows is None else self.rows
+        return "\n    ".join(["def evaluate(y, _):", *lines, f"return [{', '.join(f's{n}' for n in rows)}]"])
 
     def _values(self, y: NDArray[Any]) -> NDArray[Any]:
         """The values (sums, M) of the sums at states y (d, M); equal polynomials share one sum."""
@@ -357,6 +389,10 @@ class PolynomialMap:
         return self._evaluate(np.abs(np.asarray(y)), self._majorants)
 
     def _evaluate(self, y: NDArray[Any], sums: _Sums) -> NDArray[Any]:
+        if y.size == len(y) and y.dtype.char == "d" and (function := sums.of_one(len(y))):
+            numbers = function(y.ravel().tolist(), ())
+            if isfinite(sum(numbers)):  # else NumPy gives its warnings
+                return np.array(numbers).reshape(self.shape + y.shape[1:])
         return sums(y.reshape(len(y), -1)).reshape((*self.shape, *y.shape[1:]))
 
 

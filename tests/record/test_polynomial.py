@@ -1,5 +1,6 @@
 """Polynomials as data: evaluated exactly as written, and kept to the bit by JSON."""
 
+import pickle
 from fractions import Fraction
 
 import numpy as np
@@ -67,6 +68,36 @@ def test_long_sums_run_strictly_in_order(monkeypatch: pytest.MonkeyPatch, rows: 
         total += c * (powers[i, 0] * powers[j, 1])
     assert np.array_equal(f(y)[0], total)
     assert np.array_equal(np.stack([f(column) for column in y.T], axis=1), f(y))
+
+
+@given(st.lists(cases, min_size=1, max_size=4), st.integers(0, 4))
+def test_a_state_asked_for_often_keeps_every_bit(
+    drawn: list[tuple[Polynomial, list[float]]], far: int
+) -> None:
+    """Python's numbers make the operations of NumPy's arrays, in their order, also where terms
+    underflow; what overflows is left to NumPy, which warns.
+    """
+    d = drawn[0][0].dimension
+    rows = [p for p, _ in drawn if p.dimension == d] * 2
+    values, state = PolynomialMap((len(rows),), tuple(rows)), np.array(drawn[0][1])
+    states = np.stack([state, -state, state * 10.0 ** (-80 * far), 0.0 * -state, np.full(d, 1e200)], axis=1)
+    with np.errstate(all="ignore"):
+        batch, scales = values(states), values.majorant(states)
+        for y, expected, scale in zip(states.T, batch.T, scales.T, strict=True):
+            one = [(values(y), values.majorant(y)) for _ in range(poly.COMPILED_FROM_USE)][-1]
+            assert [v.tobytes() for v in one] == [
+                np.ascontiguousarray(v).tobytes() for v in (expected, scale)
+            ]
+    again = pickle.loads(pickle.dumps(values))
+    assert again(state).tobytes() == values(state).tobytes()
+
+
+def test_what_overflows_warns_also_when_asked_for_often() -> None:
+    values = PolynomialMap((1,), (poly.polynomial(1, {(4,): 1.0}),))
+    for _ in range(2 * poly.COMPILED_FROM_USE):
+        assert values(np.array([3.0])) == [81.0]
+    with pytest.warns(RuntimeWarning, match="overflow"):
+        assert values(np.array([1e100])) == [np.inf]
 
 
 def test_algebra_agrees_with_hand_calculation() -> None:
