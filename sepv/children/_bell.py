@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 
 from sepv.children._child import Child
 from sepv.children._journal import KILL_GRACE, current_journal
@@ -37,7 +38,10 @@ def overheard(seconds: float) -> Iterator[Callable[[], None]]:
     process watches already, or none can be started, nothing is done.
     """
     try:
-        child = None if os.name != "posix" or current_journal() else Child([sys.executable, "-ISc", _PROGRAM])
+        # It ends when its stdin does, without a signal. So this process is not copied to start it,
+        # which takes tens of milliseconds for hundreds of MB (`subprocess` calls vfork).
+        bell = partial(Child, [sys.executable, "-ISc", _PROGRAM], preexec_fn=None)
+        child = None if os.name != "posix" or current_journal() else bell()
     except OSError:
         child = None
     if child is None:

@@ -67,9 +67,7 @@ class Child(Watched):
                 warnings.simplefilter("ignore", DeprecationWarning)
                 self.process = subprocess.Popen(
                     argv, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE if log else None,
-                    bufsize=0, start_new_session=True,
-                    preexec_fn=_before_exec(),  # noqa: PLW1509  (as above)
-                    **options,
+                    bufsize=0, start_new_session=True, **{"preexec_fn": _before_exec()} | options,
                 )  # fmt: skip
         assert self.process.stdin is not None
         assert self.process.stdout is not None
