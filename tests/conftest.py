@@ -5,6 +5,7 @@ And two fixtures: an alarm, and a reader who types what documents show.
 ``--hypothesis-profile fresh`` draws new ones, ``--hypothesis-profile deep`` many of them.
 """
 
+import gc
 import os
 import shlex
 import signal
@@ -67,10 +68,11 @@ for _variable in ("GITHUB_ACTIONS", "GITHUB_STEP_SUMMARY"):
 
 
 # Each has something costly that its tests share: a site, a cluster, a report of all laws, a copy of
-# the tree.
+# the tree, figures.
 TOGETHER = {
     "tests/workers/test_clusters.py", "tests/commands/test_same_verdicts_at_every_door.py",
     "tests/docs/test_extending.py", "tests/verification/test_files.py", "tests/docs/test_site.py",
+    "tests/paper/test_reproduce.py",
 }  # fmt: skip
 
 
@@ -147,6 +149,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.deep)
         elif item.nodeid.startswith(QUICK) and not item.get_closest_marker("deep"):
             item.add_marker(pytest.mark.quick)
+
+
+def pytest_collection_finish() -> None:
+    """Half a million objects of modules and tests live to the end:
+    no collection of garbage visits them.
+    """
+    gc.freeze()
 
 
 # What comes in badly must not hang: far above what any such test takes.

@@ -75,7 +75,7 @@ def test_the_notebook_runs_and_each_kind_of_result_is_a_table_or_a_picture(shown
             assert len(page.texts) > 8
 
 
-def test_outputs_are_not_stored(shown: list[Any]) -> None:
+def test_outputs_are_not_stored() -> None:
     """They would grow old: the notebook is run by its reader."""
     assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in CELLS)
 

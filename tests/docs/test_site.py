@@ -25,7 +25,7 @@ SIZES = ((390, 844), (1280, 800))
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The built site; a warning is an error."""
     out = tmp_path_factory.mktemp("site")
-    options = f"-q -W --keep-going -D gallery_time=1 -d {out / 'doctrees'} {ROOT / 'docs'} {out / 'html'}"
+    options = f"-q -W --keep-going -D gallery_time=0.25 -d {out / 'doctrees'} {ROOT / 'docs'} {out / 'html'}"
     python("import sys; from sphinx.cmd.build import main; sys.exit(main(sys.argv[1:]))", *options.split())
     return out / "html"
 

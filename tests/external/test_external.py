@@ -28,6 +28,8 @@ SOON = 30.0
 # What answers, answers; only where nothing comes a test waits for all of its time-out.
 PATIENT = {"call_timeout": 20.0, "start_timeout": 20.0}
 SHORT = 0.5
+# A grandchild holds the pipe open, so that its parent's exit is seen when the time is over.
+HELD_OPEN = 5.0
 
 # What the children start with: every process notes its number, so that the test can look for it
 # afterwards.
@@ -138,8 +140,9 @@ MISBEHAVIOUR = {
 def test_each_misbehaviour_has_its_own_error_and_leaves_no_process(child, name):
     code, kind, text = MISBEHAVIOUR[name]
     command, start = child(code), time.perf_counter()
+    wait = HELD_OPEN if "grandchild" in name else PATIENT["call_timeout"]
     with pytest.raises(kind) as caught:
-        ask(command, call_timeout=SHORT if kind is errors.CallTimeout else PATIENT["call_timeout"])
+        ask(command, call_timeout=SHORT if kind is errors.CallTimeout else wait)
     assert time.perf_counter() - start < SOON
     assert type(caught.value) is kind
     assert text in str(caught.value)

@@ -334,7 +334,7 @@ def test_the_chunks_of_a_frozen_worker_go_to_the_other(monkeypatch: Any) -> None
 
 
 def test_two_frozen_workers_end_a_run_that_keeps_what_was_finished(monkeypatch: Any) -> None:
-    for name, seconds in (("SILENT_SECONDS", 5.0), ("FROZEN_SECONDS", 20.0)):
+    for name, seconds in (("SILENT_SECONDS", 5.0), ("FROZEN_SECONDS", 10.0)):
         monkeypatch.setattr(on_dask, name, seconds)
     with local(2) as found, distributed.Client(found, set_as_default=False, timeout=20) as client:
         victims = list(client.run(os.getpid).values())
