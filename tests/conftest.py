@@ -40,6 +40,9 @@ SHIPPED = ("properties", "reference")
 # sepv, its laws and the plugins of pytest again, which is a third of its time.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+# Workers and children share the cores: threads of BLAS in each would wait for one another, which
+# takes processor time.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def pytest_configure() -> None:

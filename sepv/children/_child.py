@@ -61,13 +61,14 @@ class Child(Watched):
                 file.truncate(MEMORY_BYTES)
                 self.notes = Notes(file.fileno())
                 argv, options = [*argv, str(file.fileno())], options | {"pass_fds": (file.fileno(),)}
+            options.setdefault("preexec_fn", _before_exec())
             with warnings.catch_warnings():
                 # Python ≥ 3.12 warns of a fork beside threads; before exec only `end_with_parent`
                 # runs, without locks.
                 warnings.simplefilter("ignore", DeprecationWarning)
                 self.process = subprocess.Popen(
                     argv, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE if log else None,
-                    bufsize=0, start_new_session=True, **{"preexec_fn": _before_exec()} | options,
+                    bufsize=0, start_new_session=True, **options,
                 )  # fmt: skip
         assert self.process.stdin is not None
         assert self.process.stdout is not None

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import mpmath
 import numpy as np
@@ -36,6 +37,8 @@ def jacobi(u: Array, m: float) -> tuple[Array, Array, Array, Array]:
     return sn, cn, np.sqrt(cn * cn + (1 - m) * (sn * sn)), phi
 
 
+# It takes most of the time of a flow, and many flows start at one state.
+@lru_cache(maxsize=1024)
 def argument(amplitude: float, m: float) -> float:
     """The argument u at which `jacobi` has a given amplitude:
     Legendre's incomplete integral of the first kind.

@@ -247,7 +247,8 @@ class _Sums:
             return None
         if "function" not in own:
             own["function"] = Source(self._text(d), ()).function
-        return own["function"]
+        function: Callable[[list[float], tuple[()]], list[float]] = own["function"]
+        return function
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "function"}
