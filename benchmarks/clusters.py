@@ -1,10 +1,7 @@
-"""Measurements for clusters: memory of many paths, the cost of Dask beside threads,
-and limits of Dask's scheduler.
+"""Measurements for clusters: memory of many paths, and the cost of Dask beside threads.
 
     python -m benchmarks.clusters memory --paths 1e8     two functionals of 10⁸ paths, the memory
     python -m benchmarks.clusters overhead --paths 1e6   Dask against threads on the pendulum
-    python -m benchmarks.clusters scheduler --chunks 1e5    cost of chunks that do nothing, by Dask
-    python -m benchmarks.clusters throughput                ns per path and step, bytes per path
 
 `docs/clusters.md` has the printed results and the conditions of the measurements.
 """
@@ -21,9 +18,8 @@ from typing import Any
 import numpy as np
 
 import sepv
-from benchmarks import over, start, tell
+from benchmarks import over, start
 from sepv import problems, schemes
-from sepv.workers import run_all
 
 PENDULUM = problems.pendulum()
 
@@ -36,11 +32,6 @@ def position(ends: Any) -> Any:
 def energy(ends: Any) -> Any:
     """The energy of each path at T."""
     return PENDULUM.hamiltonian(ends.y)
-
-
-def nothing(number: int) -> int:
-    """Do nothing, as a chunk without work."""
-    return number
 
 
 def memory(paths: int, steps: int, workers: int) -> None:
@@ -128,83 +119,18 @@ def _timed(job: Callable[[], None], client: Any) -> tuple[float, float]:
     return wall, spent() - begin[0]
 
 
-def scheduler(chunks: int) -> None:
-    """Print milliseconds per chunk and memory for 100, 1000, … chunks,
-    with the bounded window of chunks or without.
-    """
-    from distributed import Client, LocalCluster
-
-    with (
-        LocalCluster(
-            n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        run_all(nothing, range(100), client, threads=False, receive=lambda _n, _r: None)
-        count = 100
-        while count <= chunks:
-            for name, run in (("window", _window), ("all at once", _at_once)):
-                wall, cpu = _timed(lambda run=run, count=count: run(client, count), client)
-                peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-                print(
-                    f"{count:>7,} chunks, {name:11}: {1e3 * wall / count:.2f} ms a chunk by the clock, "
-                    f"{1e3 * cpu / count:.2f} ms of processors; peak {peak:.0f} MiB; load {os.getloadavg()[0]:.1f}",
-                    flush=True,
-                )
-            count *= 10
-
-
-def _window(client: Any, count: int) -> None:
-    got: list[int] = []
-
-    def receive(number: int, _: None) -> None:
-        got.append(number)
-        tell(f"{len(got):,} of {count:,} chunks", len(got) / count)
-
-    run_all(nothing, range(count), client, threads=False, receive=receive)
-    assert sorted(got) == list(range(count))
-
-
-def _at_once(client: Any, count: int) -> None:
-    assert client.gather(client.map(nothing, range(count), pure=False)) == list(range(count))
-
-
-def throughput() -> None:
-    """Print nanoseconds per path and step on one core for the paper's problems,
-    and bytes per path (memory, store).
-    """
-    for problem in over((problems.rigid_body(), PENDULUM, problems.lotka_volterra()), lambda p: p.name):
-        h, steps, paths = 2.0**-10, 1000, 16384
-        sepv.ensemble(schemes.energy_preserving, problem, h=h, steps=steps, paths=1024)
-        begin = time.process_time()
-        ends = sepv.ensemble(schemes.energy_preserving, problem, h=h, steps=steps, paths=paths)
-        spent = time.process_time() - begin
-        size = sum(getattr(ends, key).nbytes for key in ("y", "W", "status", "failed_step", "energy_defect"))
-        size += ends.casimir_defect.nbytes
-        print(
-            f"{problem.name}: {1e9 * spent / steps / paths:.1f} ns a path and step, {size / paths:.0f} bytes a path; "
-            f"10⁹ paths of 10³ steps: {1e12 * spent / steps / paths / 3600:.1f} core hours; "
-            f"load {os.getloadavg()[0]:.1f}"
-        )
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
-    parser.add_argument("what", choices=["memory", "overhead", "scheduler", "throughput"])
+    parser.add_argument("what", choices=["memory", "overhead"])
     parser.add_argument("--paths", type=float, default=1e6)
     parser.add_argument("--steps", type=int, default=0, help="[default: 4 for memory, 128 for overhead]")
-    parser.add_argument("--chunks", type=float, default=1e4)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--workers", type=int, default=2)
     asked = parser.parse_args()
     if asked.what == "memory":
         memory(int(asked.paths), asked.steps or 4, asked.workers)
-    elif asked.what == "overhead":
-        overhead(int(asked.paths), asked.steps or 128, asked.rounds)
-    elif asked.what == "scheduler":
-        scheduler(int(asked.chunks))
     else:
-        throughput()
+        overhead(int(asked.paths), asked.steps or 128, asked.rounds)
 
 
 if __name__ == "__main__":

@@ -10,8 +10,7 @@ start, in binary64.
 Clipped increments (Remark 2.1) are too rare for sampling. Their part of the mean square is added in
 closed form (`sepv.exact._truncation_error`), and sampled paths with a clipped increment are left
 out. ``--stall`` shows the error of three stages with the paper's truncation k = 2 and with larger
-k, and the part of this error that clipping causes. ``--clipping`` prints both for all numbers of
-stages.
+k, and the part of this error that clipping causes.
 """
 
 from __future__ import annotations
@@ -31,7 +30,6 @@ from sepv import problems, schemes
 from sepv.exact import clipping_error
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.record import poly
-from sepv.schemes import truncation_for
 from sepv.statistics import Estimate, jackknife
 
 ORDERS_ALPHA = 0.01
@@ -194,31 +192,6 @@ def stall(paths: int, seed: int) -> None:
     Console(width=130).print(table)
 
 
-def clipping(paths: int, seed: int) -> None:
-    """Print the error of unclipped paths and, for two k, the error by clipping:
-    one to six stages on the rigid body.
-    """
-    steps, problem = (2, 4, 8, 16), problems.rigid_body()
-    table = Table(
-        title=f"rigid body, {paths} paths: rms error without clipping / clipping with k = 2s / with the default k",
-        title_justify="left", box=None,
-    )  # fmt: skip
-    for heading in ("s", "k", *(f"N = {n}" for n in steps)):
-        table.add_column(heading)
-    for s in over(range(1, 7), lambda s: f"{s} stages"):
-        scheme = replace(schemes.collocation(s), truncation=None)
-        plain = tilted_errors(
-            scheme, problem, T=1.0, steps=steps, paths=range(paths), seed=seed, order=float(s)
-        ).rms()
-        k = truncation_for(s)
-        cells = []
-        for e, n in zip(plain, steps, strict=True):
-            costs = (clipping_error(problem, T=1.0, steps=n, k=j) for j in (2 * s, k))
-            cells.append(" / ".join(f"{v:.0e}" for v in (e, *costs)))
-        table.add_row(str(s), str(k), *cells)
-    Console(width=150).print(table)
-
-
 def main() -> None:
     """Print the tables."""
     options = arguments(
@@ -228,12 +201,9 @@ def main() -> None:
         problem={"action": "append", "choices": list(ORDER_RUNS)},
         stages={"type": int, "action": "append", "choices": [1, 2, 3, 4]},
         stall=False,
-        clipping=False,
     )
     if options.stall:
         stall(options.paths, options.seed)
-    elif options.clipping:
-        clipping(options.paths, options.seed)
     else:
         table_of_orders(
             options.paths, options.seed, options.problem or list(ORDER_RUNS), options.stages or [1, 2, 3, 4]

@@ -92,7 +92,7 @@ from sepv.schemes._point_distributions import PointLaw as PointLaw
 from sepv.schemes._projected import projected as projected
 from sepv.schemes._recorded import Recorded
 from sepv.schemes._scheme import Scheme as Scheme
-from sepv.schemes._scheme import Step, as_lanes, takes, truncation_for
+from sepv.schemes._scheme import Step, as_lanes, takes
 from sepv.schemes._scheme import Twin as Twin
 from sepv.schemes._scheme import weakly as weakly
 from sepv.schemes._stateful import REFUSAL_ERRORS, joined_lanes, lanes
