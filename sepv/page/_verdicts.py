@@ -7,7 +7,6 @@ Nothing here is HTML.
 from __future__ import annotations
 
 import math
-import re
 import shlex
 from typing import Any
 
@@ -273,34 +272,14 @@ def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) 
 
 
 def _unsettled(laws: list[View]) -> list[str]:
-    """Return a sentence for each inconclusive law: its message,
-    and a remark if a few paths make up the error.
-    """
+    """Return a sentence for each inconclusive law: its message."""
     unsettled = []
     for law in laws:
         if law["verdict"] == "inconclusive":
             lines = [line for line in law["message"].splitlines() if not line.startswith("intervals miss")]
             text = "; ".join(lines) or "no reason was given"
-            if any(_runs_away(*m.groups()) for m in _RMS.finditer(text)):
-                text += ". A few paths run away with the fewest steps and make up that error; "
-                text += "the finer steps show the order"
             unsettled.append(f"{name(law['law'])}: {plain(text, 700)}.")
     return unsettled
-
-
-# A pattern for the first three rms errors in the message of a statistical law.
-_RMS = re.compile(r"rms error ([\d.e+-]+), ([\d.e+-]+), ([\d.e+-]+)")
-
-
-def _runs_away(*errors: str) -> bool:
-    """True if the first of three errors exceeds 4 second²/third;
-    in a geometric sequence the first is second²/third.
-    """
-    try:
-        first, second, third = map(float, errors)
-    except ValueError:  # the file has other text
-        return False
-    return first * third > 4 * second**2
 
 
 def _target(scheme: View) -> str:

@@ -171,18 +171,11 @@ def test_counterexamples_are_within_a_budget_and_the_rest_is_counted() -> None:
 
 def test_what_was_not_settled_is_explained_in_words() -> None:
     heavy = "p: 2 in [-3, 7] from 8192 paths\np, T = 1: rms error 4.34, 0.0872, 0.0417 with 8, 16, 32 steps"
-    even = "p: 1 in [0.7, 1.3] from 256 paths\np, T = 1: rms error 0.4, 0.2, 0.1 with 8, 16, 32 steps"
-    for message, runs_away in (
-        (heavy, True),
-        (even, False),
-        ("rms error 1e, --, ..", False),
-        (EVIL[0], False),
-    ):
+    for message in (heavy, "rms error 1e, --, ..", EVIL[0]):
         page = render(Sources(verify=[verify_report("a", message, "inconclusive")]))
         words = " ".join(Reader(page).words)
         assert "What “inconclusive” means here" in words
         assert message.splitlines()[0] in words
-        assert ("A few paths run away" in words) == runs_away
         assert {tag for tag, _ in Reader(page).tags} <= ALLOWED
     assert "What “inconclusive” means here" not in render(Sources(verify=[verify_report("a")]))
 
