@@ -18,7 +18,7 @@ from typing import Any
 
 import mpmath
 import numpy as np
-from sepv.reference.taylor import flow_series
+from sepv.reference.flow import flow_series
 
 from sepv.errors import SepvError
 from sepv.law import Case, Cases, Effort, Measurement, require, searched, step_residual

@@ -72,6 +72,14 @@ def taylor(data: Description, y: Sequence[float], theta: float, digits: int = 50
     raise _not_reached(theta, float(left), "steps become too short")
 
 
+def flow_series(data: Description, y: Sequence[float], order: int, digits: int = 40) -> list[Vector]:
+    """Coefficients c_0, …, c_order with φ_θ(y) = Σ c_k θ^k + O(θ^{order+1}),
+    each c_k as a list of d numbers.
+    """
+    rows = solution_series(data, decimal(digits), exact_problem(data, digits).state(y), order)
+    return [list(column) for column in zip(*rows, strict=True)]
+
+
 def _step(ctx: Any, coefficients: list[Vector], order: int) -> Any:
     """The step, e⁻² times the radius of convergence that the last two coefficients show;
     None if both are zero.

@@ -15,10 +15,9 @@ from hypothesis import given
 from sepv.reference.arithmetic import context
 from sepv.reference.elliptic import closed_form
 from sepv.reference.equations import EQUATIONS
-from sepv.reference.flow import taylor
+from sepv.reference.flow import flow_series, taylor
 from sepv.reference.problem import exact_problem
 from sepv.reference.steps import reference_step
-from sepv.reference.taylor import flow_series
 from sepv.reference.vector import FLOW, VECTOR_FOLDER, ReferenceVector, digest, load, schemes_with_vectors
 
 from benchmarks.vectors import generate
