@@ -4,19 +4,31 @@ from __future__ import annotations
 
 import click
 
-from sepv.commands._shared import friendly
+from sepv.commands import _shared as cli
+
+Row = tuple[float, ...]
 
 
 @click.command(short_help="The exact solution at a random time, to any digits.")
 @click.argument("problem")
-@click.option("--theta", required=True, metavar="θ", help="The random time t + Σ c_j W_j(t), of either sign.")
 @click.option(
-    "--y", "state", metavar="Y1,Y2,…", help="Where it starts. [default: the problem's initial state]"
+    "--theta",
+    required=True,
+    type=cli.NumberList(float),
+    metavar="θ",
+    help="The random time t + Σ c_j W_j(t), of either sign.",
+)
+@click.option(
+    "--y",
+    "state",
+    type=cli.NumberList(float),
+    metavar="Y1,Y2,…",
+    help="Where it starts. [default: the problem's initial state]",
 )
 @click.option("--digits", type=int, default=50, help="Significant digits.")
 @click.option("--certify", is_flag=True, help="Enclose the result in balls (needs python-flint).")
-@friendly
-def exact(problem: str, theta: str, state: str | None, digits: int, certify: bool) -> None:
+@cli.friendly
+def exact(problem: str, theta: Row, state: Row | None, digits: int, certify: bool) -> None:
     """The exact solution of PROBLEM (a name, a .json file of polynomial data, or module:attribute)
     at random time θ.
 

@@ -4,35 +4,27 @@ digits as text.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-from sepv._arguments import hex_float
 from sepv.console import counted
 from sepv.errors import UsageError
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
 
 
-def numbers(text: str | None, option: str, count: int, default: Any = None) -> tuple[float, ...]:
-    """Read the `count` finite numbers of an option such as --y "0.8,0.6,0x1p-3";
-    for text None return `default`.
-    """
-    if text is None and default is not None:
+def numbers(
+    given: tuple[float, ...] | None, option: str, count: int, default: Any = None
+) -> tuple[float, ...]:
+    """The `count` numbers given to an option such as --y 0.8,0.6,0x1p-3; for None the `default`."""
+    if given is None and default is not None:
         return tuple(float(v) for v in default)
-    parts = [p.strip() for p in (text or "").split(",") if p.strip()]
-    expected, received = f"{option}: numbers separated by commas, decimal or hexadecimal", repr(text)
-    example = f"for example {option} {','.join(['0.5'] * max(count, 1))}"
-    try:
-        values = tuple(hex_float(p) if "x" in p.lower() else float(p) for p in parts)
-    except ValueError as error:
-        raise UsageError(expected=expected, received=received, remedy=example) from error
-    if len(values) != count:
-        expected, received = f"{counted(count, 'number')} after {option}", f"{len(values)}: {text!r}"
+    if given is None or len(given) != count:
         each = {"--y": "one for each component of the problem", "--dW": "one for each noise of the problem"}
-        raise UsageError(expected=expected, received=received, remedy=each.get(option, example))
-    if not all(map(math.isfinite, values)):
-        raise UsageError(expected=f"finite numbers after {option}", received=received, remedy=example)
-    return values
+        raise UsageError(
+            expected=f"{counted(count, 'number')} after {option}",
+            received="none" if given is None else f"{len(given)}: {row(given)}",
+            remedy=each.get(option, f"for example {option} 0.5"),
+        )
+    return given
 
 
 def description(problem: Problem) -> PolynomialSystem | NamedProblem:

@@ -15,6 +15,7 @@ from typing import Any
 
 import click
 
+from sepv._arguments import hex_float
 from sepv.children import interruption_answered
 from sepv.commands._watch import DEFECT, defect
 from sepv.console import printable
@@ -101,7 +102,7 @@ def listed(_context: click.Context, _parameter: click.Parameter, values: Names) 
 
 
 class NumberList(click.ParamType):  # type: ignore[type-arg]  # generic in the newest click alone
-    """The type of an option that takes several numbers separated by commas,
+    """The type of an option that takes several numbers separated by commas, decimal or hexadecimal,
     and returns them as a tuple.
     """
 
@@ -115,9 +116,12 @@ class NumberList(click.ParamType):  # type: ignore[type-arg]  # generic in the n
         if not isinstance(value, str):
             return value
         try:
-            return tuple(self.kind(part) for part in value.split(","))
+            numbers = tuple(hex_float(p) if "x" in p.lower() else self.kind(p) for p in value.split(","))
+            if all(map(math.isfinite, numbers)):
+                return numbers
         except ValueError:
-            self.fail(f"{value!r} is not a list of numbers with commas between them", param, ctx)
+            pass
+        self.fail(f"{value!r}: finite numbers separated by commas, such as 0.5,0x1p-3", param, ctx)
 
 
 PROBLEM_OPTION = click.option(

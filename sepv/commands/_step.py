@@ -6,21 +6,33 @@ from typing import Any
 
 import click
 
-from sepv.commands._shared import friendly
+from sepv.commands import _shared as cli
 from sepv.errors import SepvError
+
+Row = tuple[float, ...]
 
 
 @click.command(short_help="One step to any number of digits, beside float64.")
 @click.argument("scheme")
 @click.argument("problem")
-@click.option("--y", "state", metavar="Y1,Y2,…", help="The state. [default: the problem's initial state]")
-@click.option("--h", required=True, metavar="FLOAT", help="The step size, of either sign.")
-@click.option("--dW", "noise", metavar="W1,W2,…", help="The Wiener increments. [default: 0]")
+@click.option(
+    "--y",
+    "state",
+    type=cli.NumberList(float),
+    metavar="Y1,Y2,…",
+    help="The state. [default: the problem's initial state]",
+)
+@click.option(
+    "--h", required=True, type=cli.NumberList(float), metavar="FLOAT", help="The step size, of either sign."
+)
+@click.option(
+    "--dW", "noise", type=cli.NumberList(float), metavar="W1,W2,…", help="The Wiener increments. [default: 0]"
+)
 @click.option("--digits", type=int, default=50, help="Significant digits.")
 @click.option("--certify", is_flag=True, help="Prove it by ball arithmetic (needs python-flint).")
-@friendly
+@cli.friendly
 def step(
-    scheme: str, problem: str, state: str | None, h: str, noise: str | None, digits: int, certify: bool
+    scheme: str, problem: str, state: Row | None, h: Row, noise: Row | None, digits: int, certify: bool
 ) -> None:
     """One step of SCHEME on PROBLEM in extended precision,
     beside the float64 result and its error in ulp.
