@@ -276,6 +276,21 @@ def draw_curves(
         axes.set_aspect("equal", adjustable="box" if window else "datalim")
 
 
+def panels(
+    sides: Sequence[tuple[Sequence[Series], Axis, Axis]], look_of: Mapping[str, Look], title: str, suffix: str
+) -> bytes:
+    """The content of a file with a panel for each (curves, x, y) of `sides`,
+    under one title and above one legend.
+    """
+    with figure(7.0 if len(sides) == 1 else 9.5, 4.4, layout="constrained") as drawn:
+        for axes, (series, x, y) in zip(np.ravel(drawn.subplots(1, len(sides))), sides, strict=True):
+            draw_curves(axes, series, look_of, x, y)
+        drawn.suptitle(title)
+        named = drawn.axes[0].get_legend_handles_labels()
+        drawn.legend(*named, loc="outside lower center", ncols=2 * len(sides), fontsize=8)
+        return content(drawn, suffix)
+
+
 def frame(axes: Any, x: Axis, y: Axis, *, x_base: int = 10) -> None:
     """Draw labels, scales, ticks and the grid of both axes, after the curves."""
     _scale(axes, axes.xaxis, x, x_base)

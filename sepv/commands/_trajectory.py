@@ -41,7 +41,7 @@ def trajectory(
 
     from sepv.console import Table, columns, console, print_table
     from sepv.files import write_atomically
-    from sepv.pictures import Axis, Series, content, draw_curves, figure, looks, require_picture
+    from sepv.pictures import Axis, Series, looks, panels, require_picture
     from sepv.schemes import load_problem, load_scheme
     from sepv.studies import trajectory as study
 
@@ -62,14 +62,11 @@ def trajectory(
     )
     print_table(Table(heads, [(d.name, f"{d.largest:.3g}", d.sentence()) for d in found], ""), screen)
     if out is not None:
-        look_of = looks([d.name for d in found], None)
-        with figure(7.0, 4.0, layout="constrained") as drawn:
-            axes = drawn.subplots(1, 1)
-            shown = [Series(d.name, rows.t.tolist(), d.errors.tolist(), d.name, "line") for d in found]
-            draw_curves(axes, shown, look_of, Axis("time t"), Axis("I(y) − I(y0)"))
-            axes.legend()
-            drawn.suptitle(f"{Path(file).name}, {system.name}")
-            write_atomically(out, content(drawn, Path(out).suffix))
+        shown = [Series(d.name, rows.t.tolist(), d.errors.tolist(), d.name, "line") for d in found]
+        side = shown, Axis("time t"), Axis("I(y) − I(y0)")
+        title = f"{Path(file).name}, {system.name}"
+        picture = panels([side], looks([d.name for d in found]), title, Path(out).suffix)
+        write_atomically(out, picture)
     if scheme is None:
         return
     chosen = load_scheme(scheme)

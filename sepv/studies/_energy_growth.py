@@ -28,7 +28,7 @@ import numpy as np
 
 from sepv.errors import UsageError
 from sepv.files import finite
-from sepv.pictures import Axis, Series, content, draw_curves, figure, looks
+from sepv.pictures import Axis, Series, looks, panels
 from sepv.problem import Array, Problem
 from sepv.properties import GROWTH_LEVEL as LEVEL
 from sepv.properties import energy_rounding_walk as rounding_walk
@@ -169,23 +169,16 @@ def draw(rows: Sequence[Growth], title: str, suffix: str, own: dict[str, Look] |
     The left panel has |E[H] − H(y0)| against time, the right panel the rms of H − H(y0), with the
     theory if any.
     """
-    look_of = looks((row.scheme for row in rows), own)
-    with figure(9.5, 4.4, layout="constrained") as drawn:
-        for side, (axes, label) in enumerate(
-            zip(drawn.subplots(1, 2), ("|mean of H − H(y0)|", "rms of H − H(y0)"), strict=True)
-        ):
-            shown = []
-            for row in rows:
-                curves = {row.scheme: (row.mean, row.rms)[side]}
-                if row.derived and row.kind != "rounding":
-                    curves[f"{row.scheme}, theory"] = row.derived.at(row.times)[side]
-                shown += [
-                    Series(name, row.times.tolist(), np.abs(values).tolist(), row.scheme, style)
-                    for (name, values), style in zip(curves.items(), CURVE_STYLES, strict=False)
-                ]
-            draw_curves(axes, shown, look_of, Axis("time t", log=True), Axis(label, log=True))
-        drawn.suptitle(title)
-        drawn.legend(
-            *drawn.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8
-        )
-        return content(drawn, suffix)
+    sides = []
+    for side, label in enumerate(("|mean of H − H(y0)|", "rms of H − H(y0)")):
+        shown = []
+        for row in rows:
+            curves = {row.scheme: (row.mean, row.rms)[side]}
+            if row.derived and row.kind != "rounding":
+                curves[f"{row.scheme}, theory"] = row.derived.at(row.times)[side]
+            shown += [
+                Series(name, row.times.tolist(), np.abs(values).tolist(), row.scheme, style)
+                for (name, values), style in zip(curves.items(), CURVE_STYLES, strict=False)
+            ]
+        sides.append((shown, Axis("time t", log=True), Axis(label, log=True)))
+    return panels(sides, looks((row.scheme for row in rows), own), title, suffix)

@@ -17,7 +17,7 @@ import numpy as np
 from sepv.errors import Skipped, UsageError
 from sepv.files import finite
 from sepv.law import Verdict, quiet_problem
-from sepv.pictures import Axis, Series, content, draw_curves, figure, looks
+from sepv.pictures import Axis, Series, looks, panels
 from sepv.problem import Array, Problem, one_field
 from sepv.properties import EnergyPath, Stopped, allowed_rounding, trend, users_orbits
 from sepv.schemes import Look, Scheme
@@ -117,17 +117,10 @@ def draw(rows: Sequence[QuietGrowth], title: str, suffix: str, own: dict[str, Lo
     The picture shows the largest |H(y_n) − H(y_0)| up to time t against t, for each scheme with h
     and with h/2.
     """
-    look_of = looks((row.scheme for row in rows), own)
     shown = [
         Series(f"{row.scheme}, {name}", row.times.tolist(), curve.tolist(), row.scheme)
         for row in rows
         for name, curve in zip(("h", "h/2"), row.largest, strict=True)
     ]
-    with figure(7.0, 4.4, layout="constrained") as drawn:
-        axes = drawn.subplots()
-        draw_curves(
-            axes, shown, look_of, Axis("time t", log=True), Axis("largest |H − H(y0)| so far", log=True)
-        )
-        drawn.suptitle(title)
-        drawn.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8)
-        return content(drawn, suffix)
+    side = shown, Axis("time t", log=True), Axis("largest |H − H(y0)| so far", log=True)
+    return panels([side], looks((row.scheme for row in rows), own), title, suffix)
