@@ -132,12 +132,7 @@ def decimal(digits: int) -> Arithmetic:
     epsilon = ctx.mpf(10) ** -1000
 
     def lifted(f: Function, derivative: Function) -> Function:
-        def of(x: Number) -> Number:
-            return (
-                ctx.mpc(f(x.real), derivative(x.real) * x.imag) if isinstance(x, ctx.mpc) else f(ctx.mpf(x))
-            )
-
-        return of
+        return _lifted(lambda x: f(ctx.mpf(x)), derivative, ctx.mpc)
 
     def log(x: Number) -> Number:
         return ctx.ln(_positive(x))
@@ -165,9 +160,11 @@ def decimal(digits: int) -> Arithmetic:
 _EPSILON = 2.0**-400
 
 
-def _lifted(f: Function, derivative: Function) -> Function:
+def _lifted(f: Function, derivative: Function, kind: type[Any] = complex) -> Function:
+    """The function f of numbers, also of those with an ε-part, which are of the type `kind`."""
+
     def of(x: Number) -> Number:
-        return complex(f(x.real), derivative(x.real) * x.imag) if isinstance(x, complex) else f(x)
+        return kind(f(x.real), derivative(x.real) * x.imag) if isinstance(x, kind) else f(x)
 
     return of
 
