@@ -62,14 +62,14 @@ class PowerSeries:
             return PowerSeries(self.dot, lambda k: self[k] / other)
 
         def rule(k: int) -> Number:
-            rest = self.convolved(quotient.upto(k - 1), other.upto(k)[1:]) if k else 0
-            return (self[k] - rest) / other[0]
+            left = self[k] - self.convolved(quotient.upto(k - 1), other.upto(k)[1:]) if k else self[0]
+            return left / other[0]
 
         quotient = PowerSeries(self.dot, rule)
         return quotient
 
     def __rtruediv__(self, other: Any) -> PowerSeries:
-        return PowerSeries(self.dot, lambda k: 0 * self[0] if k else 0 * self[0] + other) / self
+        return PowerSeries(self.dot, lambda k: 0 * self[0] if k else other) / self
 
     __radd__, __rmul__ = __add__, __mul__
 

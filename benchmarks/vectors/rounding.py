@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from sepv.reference.arithmetic import (
+    BINARY64,
     Arithmetic,
     Function,
     Number,
@@ -24,6 +25,7 @@ from sepv.reference.arithmetic import (
 )
 from sepv.reference.equations import make_step
 from sepv.reference.problem import Description, in_arithmetic
+from sepv.reference.series import PowerSeries
 from sepv.reference.steps import ReferenceStep
 
 _ROUNDING_DIGITS = 30
@@ -42,7 +44,7 @@ class Rounded:
         self.value, self.error = value, error
 
     def __add__(self, other: Any) -> Any:
-        if isinstance(other, Dual):
+        if isinstance(other, PowerSeries):
             return NotImplemented
         b = _lift(other)
         value = self.value + b.value
@@ -52,7 +54,7 @@ class Rounded:
         return Rounded(-self.value, self.error)
 
     def __sub__(self, other: Any) -> Any:
-        if isinstance(other, Dual):
+        if isinstance(other, PowerSeries):
             return NotImplemented
         return self + -_lift(other)
 
@@ -60,14 +62,14 @@ class Rounded:
         return _lift(other) - self
 
     def __mul__(self, other: Any) -> Any:
-        if isinstance(other, Dual):
+        if isinstance(other, PowerSeries):
             return NotImplemented
         b = _lift(other)
         value = self.value * b.value
         return Rounded(value, abs(self.value) * b.error + abs(b.value) * self.error + _own(value))
 
     def __truediv__(self, other: Any) -> Any:
-        if isinstance(other, Dual):
+        if isinstance(other, PowerSeries):
             return NotImplemented
         b = _lift(other)
         value = self.value / b.value
@@ -79,50 +81,17 @@ class Rounded:
     __radd__, __rmul__ = __add__, __mul__
 
 
-class Dual:
-    """A dual number value + ε slope with ε² = 0; value and slope may be any numbers that add,
-    multiply and divide.
-    """
-
-    __slots__ = ("slope", "value")
-
-    def __init__(self, value: Any, slope: Any) -> None:
-        self.value, self.slope = value, slope
-
-    def __add__(self, other: Any) -> Dual:
-        if isinstance(other, Dual):
-            return Dual(self.value + other.value, self.slope + other.slope)
-        return Dual(self.value + other, self.slope)
-
-    def __neg__(self) -> Dual:
-        return Dual(-self.value, -self.slope)
-
-    def __sub__(self, other: Any) -> Dual:
-        return self + -other
-
-    def __rsub__(self, other: Any) -> Dual:
-        return -self + other
-
-    def __mul__(self, other: Any) -> Dual:
-        if isinstance(other, Dual):
-            return Dual(self.value * other.value, self.value * other.slope + self.slope * other.value)
-        return Dual(self.value * other, self.slope * other)
-
-    def __truediv__(self, other: Any) -> Dual:
-        if isinstance(other, Dual):
-            value = self.value / other.value
-            return Dual(value, (self.slope - value * other.slope) / other.value)
-        return Dual(self.value / other, self.slope / other)
-
-    def __rtruediv__(self, other: Any) -> Dual:
-        value = other / self.value
-        return Dual(value, -(value * self.slope) / self.value)
-
-    __radd__, __rmul__ = __add__, __mul__
-
-
 def _lift(x: Any) -> Rounded:
     return x if isinstance(x, Rounded) else Rounded(_CTX.mpf(x))
+
+
+def _nudged(value: Any, slope: Any) -> PowerSeries:
+    """The number value + ε slope with ε² = 0, as a power series of which no third term is asked."""
+    return PowerSeries(BINARY64.dot, _no_further, [value, slope])
+
+
+def _no_further(k: int) -> Any:
+    raise IndexError(f"no coefficient {k}")
 
 
 def _own(value: Any) -> Any:
@@ -138,8 +107,9 @@ def _function(f: Function, slope: Callable[[Number], Number]) -> Function:
     """
 
     def of(x: Any) -> Any:
-        if isinstance(x, Dual):
-            return Dual(of(x.value), Rounded(slope(x.value.value), 2 * abs(slope(x.value.value))) * x.slope)
+        if isinstance(x, PowerSeries):
+            steep = slope(x[0].value)
+            return _nudged(of(x[0]), Rounded(steep, 2 * abs(steep)) * x[1])
         value = f(x.value)
         return Rounded(value, abs(slope(x.value)) * x.error + 2 * abs(value))
 
@@ -155,8 +125,8 @@ ROUNDED = Arithmetic(
     log1p_ratio=_function(_DECIMAL.log1p_ratio, lambda x: log1p_ratio_slope(x, _DECIMAL.log1p_ratio(x))),
     gauss=lambda n: [(Rounded(node, node), Rounded(w, w)) for node, w in gauss_nodes(n, _ROUNDING_DIGITS)],
     tables=(_DECIMAL, lambda v: Rounded(v, abs(v))),
-    nudged=Dual,
-    slope=lambda x: x.slope if isinstance(x, Dual) else _lift(0),
+    nudged=_nudged,
+    slope=lambda x: x[1] if isinstance(x, PowerSeries) else _lift(0),
 )
 
 
