@@ -71,11 +71,11 @@ for _variable in ("GITHUB_ACTIONS", "GITHUB_STEP_SUMMARY"):
 
 
 # Each has something costly that its tests share: a site, a cluster, a report of all laws, a copy of
-# the tree, figures.
+# the tree, figures, the cases of all laws.
 TOGETHER = {
     "tests/workers/test_clusters.py", "tests/commands/test_same_verdicts_at_every_door.py",
     "tests/docs/test_extending.py", "tests/verification/test_files.py", "tests/docs/test_site.py",
-    "tests/paper/test_reproduce.py",
+    "tests/paper/test_reproduce.py", "tests/faults/test_saboteurs.py", "tests/verification/test_right_schemes.py",
 }  # fmt: skip
 
 
