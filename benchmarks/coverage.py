@@ -52,7 +52,7 @@ from sepv.schemes import Scheme
 
 ALPHAS = (0.05, 0.01, 0.001)
 # The alphas of --deep, and the number of batches that it draws at once.
-DEEP, AT_ONCE = (1e-2, 1e-3, 1e-4, 1e-5), 40
+DEEP_ALPHAS, DEEP_BATCHES = (1e-2, 1e-3, 1e-4, 1e-5), 40
 # Heavy tails first: explicit schemes, with and without truncation.
 COVERED_SCHEMES = {
     "milstein": schemes.milstein,
@@ -175,20 +175,20 @@ def _pieces(samples: Array) -> list[Array]:
 
 def deep(scheme: Scheme, problem: Problem, batches: int, seed: int) -> tuple[int, ...]:
     """Count the batches in which an interval of *right-limit* misses on either side,
-    for each alpha of DEEP.
+    for each alpha of DEEP_ALPHAS.
 
     Each estimate is linear in the samples, so the mean of the batches' estimates is the estimate
     from all samples.
     """
     setup = next(s for s in setups_for(scheme) if s.problem == problem.name)
     values, halves = [], []
-    for n in over(range(0, batches, AT_ONCE), lambda n: f"batch {n} of {batches}"):
-        paths = range(n * FIRST_LOOK, min(n + AT_ONCE, batches) * FIRST_LOOK)
+    for n in over(range(0, batches, DEEP_BATCHES), lambda n: f"batch {n} of {batches}"):
+        paths = range(n * FIRST_LOOK, min(n + DEEP_BATCHES, batches) * FIRST_LOOK)
         errors = _errors(scheme, problem, setup, paths, seed)
         for samples in _pieces(limit_errors(errors, problem)[1]):
             found = leading(samples, errors.h, 0)
             values.append(found.value)
-            halves.append([found.half(alpha) for alpha in DEEP])
+            halves.append([found.half(alpha) for alpha in DEEP_ALPHAS])
     off = np.abs(np.array(values) - np.mean(values, axis=0))[:, None]
     return tuple(int(count) for count in np.any(off > np.array(halves), axis=2).sum(axis=0))
 
@@ -207,7 +207,7 @@ def main() -> None:
         for name in options.scheme or COVERED_SCHEMES:
             for known in options.problem or ("rigid-body", "pendulum"):
                 counts = deep(COVERED_SCHEMES[name], problems.by_name(known), options.batches, options.seed)
-                said = ", ".join(f"{n} at {a:g}" for n, a in zip(counts, DEEP, strict=True))
+                said = ", ".join(f"{n} at {a:g}" for n, a in zip(counts, DEEP_ALPHAS, strict=True))
                 print(f"{name}, {known}: of {options.batches} batches miss {said}", flush=True)
         return
     heads = " | ".join(f"{side} at {100 * a:g} %" for a in ALPHAS for side in ("below", "above"))

@@ -30,8 +30,8 @@ from sepv.core.newton import Status
 from sepv.problem import Array, Problem
 from sepv.simulate import advance, truncate, wiener
 
-RADIAL_LEVELS, PLACES, EXIT_NODES = 9, 32, 32
-EXIT_STATES = RADIAL_LEVELS * PLACES
+RADIAL_LEVELS, PLACES_ON_LEVEL, EXIT_NODES = 9, 32, 32
+EXIT_STATES = RADIAL_LEVELS * PLACES_ON_LEVEL
 EXIT_TIME = 1.0
 
 
@@ -48,8 +48,10 @@ class Compact(NamedTuple):
     turn: float
 
     def states(self) -> Array:
-        """States (d, EXIT_STATES) spread over the set D: PLACES on each of RADIAL_LEVELS orbits."""
-        times = np.linspace(0.0, self.turn, PLACES)
+        """States (d, EXIT_STATES) spread over the set D: PLACES_ON_LEVEL on each of RADIAL_LEVELS
+        orbits.
+        """
+        times = np.linspace(0.0, self.turn, PLACES_ON_LEVEL)
         levels = np.linspace(-1, 1, RADIAL_LEVELS) * self.R
         return np.concatenate(
             [exact_flow(self.problem, times, self.at_level(float(r))).y for r in levels], axis=1

@@ -36,7 +36,7 @@ HANG_SECONDS, LAW_TIMEOUT, ENDED_SECONDS = 240.0, 8, 5.0
 PRINTED_MAX_CHARACTERS = 30_000
 SEPV = f"{shlex.quote(sys.executable)} -m sepv"
 PYTHON = f"{shlex.quote(sys.executable)} -P"
-MARK = "SEPV_FAULT"
+FAULT_VARIABLE = "SEPV_FAULT"
 HOSTILE_STEPS = Path(__file__).with_name("hostile_steps.py").read_text(encoding="utf-8")
 VERIFY = f"exec {SEPV} verify energy-preserving --law identity,casimir,truncation -q"
 
@@ -267,7 +267,7 @@ def met(fault: FaultyCommand, folder: Path, moment: float = 0.0) -> Survival:
         begun = time.monotonic()
         child = subprocess.Popen(
             ["bash", "-c", fault.line], cwd=folder, stdin=subprocess.DEVNULL, stdout=file, stderr=file,
-            start_new_session=True, env=os.environ | {MARK: mark},
+            start_new_session=True, env=os.environ | {FAULT_VARIABLE: mark},
         )  # fmt: skip
         try:
             if fault.signal and (moment or fault.at):
@@ -353,7 +353,9 @@ def marked(pid: int, mark: str) -> bool:
             .rpartition(")")[2]
             .split()[0]
         )
-        return state != "Z" and f"{MARK}={mark}".encode() in Path(f"/proc/{pid}/environ").read_bytes()
+        return (
+            state != "Z" and f"{FAULT_VARIABLE}={mark}".encode() in Path(f"/proc/{pid}/environ").read_bytes()
+        )
     except OSError:
         return False
 

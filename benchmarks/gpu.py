@@ -32,7 +32,7 @@ from sepv.simulate import Task, run_arguments, run_task
 from sepv.simulate.targets.cuda import chunk, devices
 
 GPU_PROBLEMS = ("rigid-body", "pendulum", "lotka-volterra")
-GPU_H, GPU_STEPS, REPEATS = 0.01, 100, 3
+GPU_H, GPU_STEPS, GPU_REPEATS = 0.01, 100, 3
 # Paths of a timed chunk, of the comparison with NumPy, and of the reduced run.
 TIMED_PATHS, COMPARED_PATHS, REDUCED_PATHS = 2**20, 500, 2**30
 # The largest relative difference from NumPy that counts as agreement after GPU_STEPS steps, in
@@ -67,12 +67,16 @@ def agreement(whole: Task) -> dict[str, Any]:
 
 
 def timed(whole: Task, problem: sepv.Problem) -> dict[str, float]:
-    """The best of REPEATS times of a chunk, in ns per path and step: in all, and of each kernel."""
+    """The best of GPU_REPEATS times of a chunk, in ns per path and step: in all, and of each
+    kernel.
+    """
     import cupy
 
     device = devices.card()
     best: dict[str, float] = {}
-    for measured in [False] * REPEATS + [True] * REPEATS:  # events between launches take time of their own
+    for measured in [False] * GPU_REPEATS + [
+        True
+    ] * GPU_REPEATS:  # events between launches take time of their own
         own: dict[str, float] = {}
 
         def launcher(launch: Callable[..., None], own: dict[str, float] = own) -> Callable[..., None]:
@@ -134,7 +138,7 @@ def bandwidth() -> float:
     a = cupy.zeros(2**28)
     b = cupy.empty_like(a)
     seconds = []
-    for _ in range(REPEATS + 1):
+    for _ in range(GPU_REPEATS + 1):
         start, stop = cupy.cuda.Event(), cupy.cuda.Event()
         start.record()
         cupy.copyto(b, a)
@@ -181,7 +185,7 @@ def peers(name: str, paths: int = 2**18) -> dict[str, Any]:
         whole(keys).block_until_ready()
         first = time.perf_counter() - begun
         seconds = []
-        for _ in range(REPEATS):
+        for _ in range(GPU_REPEATS):
             begun = time.perf_counter()
             ends = whole(keys).block_until_ready()
             seconds.append(time.perf_counter() - begun)

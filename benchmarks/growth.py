@@ -114,13 +114,13 @@ def degree(n: int) -> Callable[[], Any]:
     squares = [[[2 * (i == k) for i in range(3)], 0.5] for k in range(3)]
     data = {
         "dimension": 3, "noise": [0.1], "hamiltonian": [*squares, [[n, 0, 0], 0.01 / n]],
-        "structure": [[i, j, [[[int(k == m) for m in range(3)], sign]]] for i, j, k, sign in CROSS],
+        "structure": [[i, j, [[[int(k == m) for m in range(3)], sign]]] for i, j, k, sign in CROSS_PRODUCT],
     }  # fmt: skip
     return ensemble(problem=problems.build(problems.from_json(data)), y0=(0.6, 0.5, 0.4))
 
 
 # The entries of the matrix of y ×, above the diagonal: row, column, component of y, sign.
-CROSS = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))
+CROSS_PRODUCT = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))
 
 
 def terms(count: int) -> Callable[[], Any]:

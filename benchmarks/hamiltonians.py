@@ -75,7 +75,7 @@ Choose a scheme:
 
 `python -m benchmarks.hamiltonians` prints this page.
 """
-DIFFERENCES = """## Verdicts compared with the papers
+DIFFERENCES_TEXT = """## Verdicts compared with the papers
 
 *darboux-lie* is the midpoint rule for the logarithms of y. It has mean-square order 1 for one noise (`lotka-volterra`),
 and order ½ for three noises whose fields do not commute (`random-lotka-volterra`). For such noises no scheme that uses
@@ -141,7 +141,7 @@ def main() -> None:
         print(f"{name}: {reports[name].counts}", file=sys.stderr, flush=True)
     print(HAMILTONIANS_TITLE)
     print(table(HEADS, CLAIM_ROWS))
-    print(DIFFERENCES)
+    print(DIFFERENCES_TEXT)
     print(ADDITIVE + additive_noise.table() + "\n")
     print(VERDICTS)
     print(verdicts(reports))

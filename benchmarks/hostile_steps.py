@@ -21,7 +21,7 @@ from sepv import schemes
 
 midpoint = schemes.midpoint.step
 # The most copies of its process that a step makes, whatever happens to them.
-COPIES = 40
+MAX_COPIES = 40
 calls = 0
 
 
@@ -96,7 +96,7 @@ def stops(problem, y, h, dW):
 
 def forks(problem, y, h, dW):
     count = Path("copies")
-    if odd(problem, h) and (not count.exists() or count.stat().st_size < COPIES):
+    if odd(problem, h) and (not count.exists() or count.stat().st_size < MAX_COPIES):
         with count.open("a") as file:
             file.write(".")
         os.fork()

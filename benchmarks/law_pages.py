@@ -61,7 +61,7 @@ def page(law: Law, text: str) -> str:
 
 
 PARTS_OF_LAW = "Its parts, claimed and measured apart:\n\n"
-MIDDLES = "| laws | with a state |\n|---|---|\n"
+MIDDLES_HEAD = "| laws | with a state |\n|---|---|\n"
 
 
 def middles() -> str:
@@ -72,12 +72,12 @@ def middles() -> str:
     for law in load_laws(ALL_LAWS):
         words = law.middle.value if isinstance(law.middle, Middle) else f"first steps: {law.middle}"
         by_words.setdefault(words, []).append(f"*{law.name}*")
-    return MIDDLES + "".join(f"| {', '.join(laws)} | {words} |\n" for words, laws in by_words.items())
+    return MIDDLES_HEAD + "".join(f"| {', '.join(laws)} | {words} |\n" for words, laws in by_words.items())
 
 
 def main() -> None:
     file = DOCS / "adapting.md"
-    before, _, after = file.read_text(encoding="utf-8").partition(MIDDLES)
+    before, _, after = file.read_text(encoding="utf-8").partition(MIDDLES_HEAD)
     file.write_text(before + middles() + after[after.index("\n\n") + 1 :], encoding="utf-8")
     for law in with_pages():
         file = page_of(law)

@@ -34,7 +34,7 @@ from sepv.statistics import Estimate, jackknife
 
 ORDERS_ALPHA = 0.01
 # A mean error below this many standard errors is not used for a slope.
-SIGNAL = 5.0
+SIGNAL_ERRORS = 5.0
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,8 @@ def defects(name: str, stages: int) -> tuple[float, float]:
 
 
 def weak_slope(errors: StrongErrors, alpha: float) -> Estimate:
-    """The slope of log |E e| over the step sizes whose mean error exceeds SIGNAL standard errors.
+    """The slope of log |E e| over the step sizes whose mean error exceeds SIGNAL_ERRORS standard
+    errors.
 
     With fewer than two such step sizes the slope is NaN and its interval infinite. Laws judge by
     `leading` and `decay` of `sepv.properties._orders.means` instead.
@@ -131,7 +132,7 @@ def weak_slope(errors: StrongErrors, alpha: float) -> Estimate:
     d, paths = errors.errors.shape[1:]
     size = np.linalg.norm(errors.errors.mean(axis=2), axis=1)
     noise = np.linalg.norm(errors.errors.std(axis=2), axis=1) / np.sqrt(paths)
-    kept = np.flatnonzero(size > SIGNAL * noise)
+    kept = np.flatnonzero(size > SIGNAL_ERRORS * noise)
     if kept.size < 2:
         return Estimate(np.nan, np.inf, alpha)
     x = np.log(errors.h[kept])

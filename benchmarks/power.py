@@ -44,9 +44,9 @@ class FaultOfLaw(NamedTuple):
 
 # A quadrature with too few nodes, or B at the wrong place, causes an error that is a power of
 # step/contraction radius.
-_SHORT = "step/radius: 2⁻¹⁰"
-_QUADRATIC = ("degree of H: 1–2", _SHORT)
-_CONSTANT_B = ("degree of B: 0", _SHORT)
+_SHORT_STEPS = "step/radius: 2⁻¹⁰"
+_QUADRATIC = ("degree of H: 1–2", _SHORT_STEPS)
+_CONSTANT_B = ("degree of B: 0", _SHORT_STEPS)
 
 # First faults that show in all cases to which the law applies, to test which cases a design has.
 # Then subtler faults.
@@ -64,10 +64,10 @@ POWER_FAULTS = (
     FaultOfLaw("casimir", "float32-structure", (*_CONSTANT_B, "Casimirs: linear")),
     FaultOfLaw("symmetry", "b-at-y0", _CONSTANT_B),
     FaultOfLaw("reference", "one-point-quadrature", _QUADRATIC),
-    FaultOfLaw("reference", "step-off-by-1e-10", (_SHORT,)),
+    FaultOfLaw("reference", "step-off-by-1e-10", (_SHORT_STEPS,)),
     FaultOfLaw("midpoint", "b-at-y1", _CONSTANT_B),
-    FaultOfLaw("reduction", "step-off-by-1e-10", (_SHORT,)),
-    FaultOfLaw("noise-sum", "first noise too large by 1e-4", (_SHORT,)),
+    FaultOfLaw("reduction", "step-off-by-1e-10", (_SHORT_STEPS,)),
+    FaultOfLaw("noise-sum", "first noise too large by 1e-4", (_SHORT_STEPS,)),
     FaultOfLaw("random-step", "drift-too-large"),
     FaultOfLaw("random-step", "explicit-drift-structure", _CONSTANT_B),
     FaultOfLaw("expansion", "drift-too-large"),
@@ -77,15 +77,17 @@ POWER_FAULTS = (
     FaultOfLaw("contract", "changes-y-in-batches"),
     FaultOfLaw("contract", "returns-a-buffer"),
     FaultOfLaw("energy", "one-point-quadrature", _QUADRATIC, Systems.NAMBU),
-    FaultOfLaw("invariant:casimir", "(2.1)", ("degree of C: 1", "degree of C: 2", _SHORT), Systems.NAMBU),
+    FaultOfLaw(
+        "invariant:casimir", "(2.1)", ("degree of C: 1", "degree of C: 2", _SHORT_STEPS), Systems.NAMBU
+    ),
     FaultOfLaw("invariant:casimir", "relative error of 1e-10", (), Systems.NAMBU),
     FaultOfLaw("symmetry", "relative error of 1e-10", (), Systems.NAMBU),
     FaultOfLaw("reference", "relative error of 1e-10", (), Systems.NAMBU),
     FaultOfLaw("energy", "relative error of 1e-10", (), Systems.SEVERAL),
     FaultOfLaw("symmetry", "relative error of 1e-10", (), Systems.SEVERAL),
     FaultOfLaw("reference", "relative error of 1e-10", (), Systems.SEVERAL),
-    FaultOfLaw("reference", "first noise too large by 1e-4", (_SHORT,), Systems.SEVERAL),
-    FaultOfLaw("noise-sum", "first noise too large by 1e-4", (_SHORT,), Systems.SEVERAL),
+    FaultOfLaw("reference", "first noise too large by 1e-4", (_SHORT_STEPS,), Systems.SEVERAL),
+    FaultOfLaw("noise-sum", "first noise too large by 1e-4", (_SHORT_STEPS,), Systems.SEVERAL),
 )
 
 
@@ -100,7 +102,7 @@ def _in_batches(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return y1 * (1 + 1e-12) if y.ndim > 1 and y.shape[1] > 1 else y1
 
 
-OWN = {
+OWN_SCHEMES = {
     "first component off by 1e-9 of max y": Scheme("first component", _first_component),
     "relative error of 1e-12 in batches": Scheme("in batches", _in_batches, batched=True),
 }
@@ -114,7 +116,7 @@ def _first_noise(problem: Problem, y: Array, h: float, dW: Array, *, step: Step)
     return step(problem, y, h, np.concatenate([(1 + 1e-4) * dW[:1], dW[1:]]))
 
 
-_CLASS = {
+_SCHEME_OF_CLASS = {
     Systems.SINGLE: energy_preserving,
     Systems.NAMBU: both_invariants,
     Systems.SEVERAL: several_structures,
@@ -123,13 +125,13 @@ _CLASS = {
 
 def scheme_of(fault: FaultOfLaw) -> Scheme:
     """The broken scheme of a fault, for the class of systems on which the law runs."""
-    right = _CLASS[fault.systems]
+    right = _SCHEME_OF_CLASS[fault.systems]
     if fault.broken == "relative error of 1e-10":
         return replace(right, step=partial(_off, step=right.step), solve=None)
     if fault.broken == "first noise too large by 1e-4":
         return replace(right, step=partial(_first_noise, step=right.step), solve=None)
     if fault.systems is Systems.SINGLE:
-        return OWN[fault.broken] if fault.broken in OWN else SABOTEURS[fault.broken].scheme
+        return OWN_SCHEMES[fault.broken] if fault.broken in OWN_SCHEMES else SABOTEURS[fault.broken].scheme
     step = energy_preserving.step if fault.broken == "(2.1)" else SABOTEURS[fault.broken].scheme.step
     return replace(right, step=step, solve=None)
 

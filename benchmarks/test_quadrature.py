@@ -16,7 +16,7 @@ from sepv.record import gauss_legendre
 from sepv.studies import bench_cases
 
 QUARTIC = replace(problems.build(bench_cases.quartic_body()), initial=(0.8, 0.6, 0.1), check=False)
-WAYS = {
+QUADRATURE_PROBLEMS = {
     "closed form": problems.pendulum(),
     "closed form, logarithms": problems.lotka_volterra(),
     "Gauss, two nodes": QUARTIC,
@@ -25,9 +25,9 @@ WAYS = {
 }
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", QUADRATURE_PROBLEMS)
 def test_average(benchmark: Any, way: str) -> None:
-    problem = WAYS[way]
+    problem = QUADRATURE_PROBLEMS[way]
     y0 = np.repeat(np.asarray(problem.initial, dtype=np.float64)[:, None], 1024, axis=1)
     y1 = y0 * (1 + np.random.default_rng(0).uniform(-0.25, 0.25, y0.shape))
     mean = benchmark(average_gradient, problem, y0, y1)

@@ -37,14 +37,14 @@ class Scale(NamedTuple):
     size: float = 1.0
 
 
-VALUES = (1e-6, 1e-3, 1.0, 1e3, 1e6)
-SCALES = tuple(
+SCALE_FACTORS = (1e-6, 1e-3, 1.0, 1e3, 1e6)
+UNIT_SCALES = tuple(
     dict.fromkeys(
         [
             Scale(),
-            *(Scale(rate=v) for v in VALUES),
-            *(Scale(noise=v) for v in VALUES),
-            *(Scale(size=v) for v in VALUES),
+            *(Scale(rate=v) for v in SCALE_FACTORS),
+            *(Scale(noise=v) for v in SCALE_FACTORS),
+            *(Scale(size=v) for v in SCALE_FACTORS),
             *(
                 Scale(rate, noise, size)
                 for rate in (1e-6, 1e6)
@@ -172,8 +172,10 @@ def main() -> None:
         seed=0,
     )
     laws = tuple(options.law or UNITS_LAWS)
-    scales = tuple(s for s in SCALES if 1.0 not in s) if options.corners else SCALES
-    print(f"{len(scales)} scales: rate, noise and size from {min(VALUES):g} to {max(VALUES):g}\n")
+    scales = tuple(s for s in UNIT_SCALES if 1.0 not in s) if options.corners else UNIT_SCALES
+    print(
+        f"{len(scales)} scales: rate, noise and size from {min(SCALE_FACTORS):g} to {max(SCALE_FACTORS):g}\n"
+    )
     print(
         "| problem | scheme | verdicts | hold | not applicable | wrong |\n|---|---|--:|--:|--:|--:|",
         flush=True,

@@ -32,7 +32,7 @@ WEAK_SCHEMES = ("energy-preserving", "midpoint", "modified-weak-2")
 WEAK_FUNCTIONS = {"y1": lambda y: y[0], "y2": lambda y: y[1], "y1 y2": lambda y: y[0] * y[1]}
 WEAK_NODES = 256
 # The half-width of an interval of 99 %, in standard errors.
-HALF_WIDTH = float(ndtri(0.995))
+ERRORS_OF_99_PERCENT = float(ndtri(0.995))
 
 
 class WeakError(NamedTuple):
@@ -47,7 +47,7 @@ class WeakError(NamedTuple):
     @property
     def seen(self) -> bool:
         """True if the interval of 99 % does not contain 0."""
-        return abs(self.error) > HALF_WIDTH * self.standard_error
+        return abs(self.error) > ERRORS_OF_99_PERCENT * self.standard_error
 
 
 def expectations(problem: Problem) -> dict[str, float]:
@@ -85,7 +85,7 @@ def order(found: list[WeakError]) -> tuple[float, float]:
     weights = np.array([(w.error / w.standard_error) ** 2 for w in seen])
     centred = x - np.average(x, weights=weights)
     square = float(weights @ centred**2)
-    return float((weights * centred) @ z) / square, HALF_WIDTH / square**0.5
+    return float((weights * centred) @ z) / square, ERRORS_OF_99_PERCENT / square**0.5
 
 
 def picture(found: list[WeakError], path: Path) -> None:
@@ -128,7 +128,7 @@ def main() -> None:
         for function in WEAK_FUNCTIONS:
             own = [w for w in found if (w.scheme, w.function) == (scheme, function)]
             slope, half = order(own)
-            cells = (f"{w.error:.1e} ± {HALF_WIDTH * w.standard_error:.0e}" for w in own)
+            cells = (f"{w.error:.1e} ± {ERRORS_OF_99_PERCENT * w.standard_error:.0e}" for w in own)
             table.add_row(scheme, function, *cells, f"{slope:.2f} ± {half:.2f}")
     Console(width=200).print(table)
     if options.picture:

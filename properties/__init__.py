@@ -18,7 +18,7 @@ from sepv._lazy import lazily
 
 if TYPE_CHECKING:
     from sepv.properties._by_name import listed, load_laws, renamed
-    from sepv.properties._growth import LEVEL as GROWTH_LEVEL
+    from sepv.properties._growth import GROWTH_LEVEL as GROWTH_LEVEL
     from sepv.properties._growth import exponent as growth_exponent
     from sepv.properties._growth import kind_of as growth_kind
     from sepv.properties._growth import rounding_walk as energy_rounding_walk
@@ -43,7 +43,7 @@ __getattr__, __dir__ = lazily(
     __name__,
     {
         "_by_name": "listed load_laws renamed",
-        "_growth": "GROWTH_LEVEL=LEVEL energy_rounding_walk=rounding_walk growth_exponent=exponent "
+        "_growth": "GROWTH_LEVEL energy_rounding_walk=rounding_walk growth_exponent=exponent "
         "growth_kind=kind_of",
         "_orders.convergence": "StrongErrors first_paths=first joined_errors=join mean_square_slope=slope "
         "quantile_slope strong_errors",

@@ -8,7 +8,7 @@ from typing import Any
 
 from sepv.errors import UsageError
 from sepv.law import Law, laws_in
-from sepv.schemes import ALL_LAWS, FORMER, LAWS, law_named, page_of, require_laws
+from sepv.schemes import ALL_LAWS, FORMER_LAWS, LAWS, law_named, page_of, require_laws
 
 
 def load_laws(names: Iterable[str] | None = None) -> list[Law]:
@@ -50,7 +50,7 @@ def renamed(report: dict[str, Any]) -> dict[str, Any]:
     """A stored report with the present names of laws; of laws that are one now,
     it keeps the most telling verdict.
     """
-    if not FORMER.keys() & {law["law"] for law in report["laws"]}:
+    if not FORMER_LAWS.keys() & {law["law"] for law in report["laws"]}:
         return report
     found: dict[str, dict[str, Any]] = {}
     for law in sorted(report["laws"], key=lambda law: _TELLING.index(law["verdict"])):

@@ -10,12 +10,12 @@ from sepv.problem import Array, Problem
 from sepv.record import EPS
 from sepv.statistics import jackknife_half
 
-# LEVEL is the probability that the two-sided confidence interval of an exponent misses the
+# GROWTH_LEVEL is the probability that the two-sided confidence interval of an exponent misses the
 # exponent.
-LEVEL = 1e-3
-# KINDS of growth t^a, each with the upper end of its exponents a. The ends are half-way between 0,
-# ½, 1 and 1½.
-KINDS = (("bounded", 0.25), ("a random walk", 0.75), ("linear", 1.25), ("faster than linear", np.inf))
+GROWTH_LEVEL = 1e-3
+# GROWTH_KINDS of growth t^a, each with the upper end of its exponents a. The ends are half-way
+# between 0, ½, 1 and 1½.
+GROWTH_KINDS = (("bounded", 0.25), ("a random walk", 0.75), ("linear", 1.25), ("faster than linear", np.inf))
 
 
 def exponent(times: Array, errors: Array) -> tuple[float, float]:
@@ -31,7 +31,9 @@ def exponent(times: Array, errors: Array) -> tuple[float, float]:
     # With one path the jackknife leaves an empty sample, whose logarithm is not finite.
     with np.errstate(divide="ignore", invalid="ignore"):
         value = 0.5 * float(x @ np.log(total / paths)) / float(x @ x)
-        half = jackknife_half(0.5 * (x @ np.log((total[:, None] - squares) / (paths - 1))) / (x @ x), LEVEL)
+        half = jackknife_half(
+            0.5 * (x @ np.log((total[:, None] - squares) / (paths - 1))) / (x @ x), GROWTH_LEVEL
+        )
     return (value, half) if np.isfinite(value + half) else (0.0, np.inf)
 
 
@@ -39,8 +41,8 @@ def kind_of(value: float, half: float) -> str:
     """Return the kind of growth whose range of exponents contains the interval value ± half,
     or "open" if none does.
     """
-    edges = (-np.inf, *(edge for _, edge in KINDS))
-    for (kind, high), low in zip(KINDS, edges, strict=False):
+    edges = (-np.inf, *(edge for _, edge in GROWTH_KINDS))
+    for (kind, high), low in zip(GROWTH_KINDS, edges, strict=False):
         if low < value - half and value + half < high:
             return kind
     return "open"
@@ -48,7 +50,7 @@ def kind_of(value: float, half: float) -> str:
 
 def grows(value: float, half: float) -> bool:
     """True if the interval value ± half of an exponent excludes bounded errors."""
-    return value - half > KINDS[0][1]
+    return value - half > GROWTH_KINDS[0][1]
 
 
 def rounding_walk(problem: Problem, y: Array, steps: int) -> float:

@@ -59,7 +59,10 @@ def _degrees() -> list[Case]:
     oscillators with H = ½p² + aq^n.
     """
     found = []
-    for degree, given in (*((n, "data") for n in _DEGREES), *((n, "bare functions") for n in _OPAQUE)):
+    for degree, given in (
+        *((n, "data") for n in _KNOWN_DEGREES),
+        *((n, "bare functions") for n in _OPAQUE_DEGREES),
+    ):
         slope = degree * (degree - 1) * 1.25 ** (degree - 2)
         H = poly.polynomial(2, {(degree, 0): 2.0 ** np.floor(np.log2(CONTRACTION / slope)), (0, 1): 1.0})
         driven = PolynomialSystem(2, H, planes(2), (1.0,))
@@ -73,4 +76,4 @@ def _degrees() -> list[Case]:
     return found
 
 
-_DEGREES, _OPAQUE = (3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 17, 20), (16, 20)
+_KNOWN_DEGREES, _OPAQUE_DEGREES = (3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 17, 20), (16, 20)

@@ -16,8 +16,8 @@ from sepv.problem import Array, PolynomialSystem, Problem, hessian, sample_state
 from sepv.record import EPS, Polynomial
 
 # If H and B are functions, H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ must hold up to a relative error of
-# ROUNDINGS·eps.
-ROUNDINGS = 64
+# REVERSAL_ROUNDINGS·eps.
+REVERSAL_ROUNDINGS = 64
 
 
 def momentum_flip(problem: Problem) -> Array | None:
@@ -40,9 +40,9 @@ def momentum_flip(problem: Problem) -> Array | None:
         return rho if sign and turned and _parity(data.hamiltonian, rho) == 1 else None
     for y in states:
         B, same = problem.structure(y), _same_energy(problem, y, rho * y)
-        opposite = np.abs(rho[:, None] * problem.structure(rho * y) * rho + B) <= ROUNDINGS * EPS * np.max(
-            np.abs(B)
-        )
+        opposite = np.abs(
+            rho[:, None] * problem.structure(rho * y) * rho + B
+        ) <= REVERSAL_ROUNDINGS * EPS * np.max(np.abs(B))
         if not (sign and same and opposite.all()):
             return None
     return rho
@@ -68,13 +68,13 @@ def turning(problem: Problem, states: Sequence[Array]) -> float | None:
     B = [problem.structure(y) for y in states]
     s = float(np.sum(np.multiply(B, crosses)) / np.sum(np.square(crosses)))
     off = np.max(np.abs(np.subtract(B, np.multiply(s, crosses))))
-    return s if s and off <= ROUNDINGS * EPS * np.max(np.abs(B)) else None
+    return s if s and off <= REVERSAL_ROUNDINGS * EPS * np.max(np.abs(B)) else None
 
 
 def _same_energy(problem: Problem, y: Array, other: Array) -> bool:
     """True if H(y) and H(other) are equal up to the rounding of H and of `other`."""
     H, size = float(problem.hamiltonian(y)), float(np.abs(problem.gradient(y)) @ np.abs(y))
-    return bool(abs(problem.hamiltonian(other) - H) <= ROUNDINGS * EPS * (abs(H) + size))
+    return bool(abs(problem.hamiltonian(other) - H) <= REVERSAL_ROUNDINGS * EPS * (abs(H) + size))
 
 
 def _parity(polynomial: Polynomial, rho: Array) -> float:

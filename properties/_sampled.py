@@ -7,6 +7,10 @@ from __future__ import annotations
 from sepv.law import Effort, Finding, Law, Measure, Run, Verdict, about_noise
 from sepv.schemes import Scheme, has_memory, point_law
 
+# With at least DEEP_EXAMPLES examples a law (option `--deep`), long runs have DEEPER times as many
+# steps.
+DEEPER, DEEP_EXAMPLES = 8, 1000
+
 
 def pathwise(run: Measure) -> Measure:
     """Wrap a law's `run`, so that the law is not applicable to schemes whose increments take only a

@@ -23,7 +23,7 @@ from sepv.properties._longest_step import divisor
 from sepv.properties._orders.convergence import StrongErrors, first, join, strong_errors
 from sepv.properties._orders.tilting import tilted_errors
 from sepv.properties._sampled import sparing
-from sepv.properties._setups import TILTED, Setup, setups_for
+from sepv.properties._setups import TILTED_ORDER, Setup, setups_for
 
 from sepv.errors import Skipped
 from sepv.law import Effort, Finding, Law, Run, Verdict, first_order
@@ -37,7 +37,7 @@ FALSE_ALARM = 1e-4
 FIRST_LOOK = 512
 # The factor between the numbers of paths of successive looks. If there are fewer looks, each has
 # more of FALSE_ALARM.
-GROWTH = 4
+PATHS_GROWTH = 4
 # A scheme without batches gets the budget of paths divided by PATHS_DIVISOR_WITHOUT_BATCHES, but at
 # least FIRST_LOOK paths.
 PATHS_DIVISOR_WITHOUT_BATCHES = 8
@@ -49,11 +49,11 @@ EARLY_PATHS = 95
 # large, because laws about one step detect a lower order by quadrature, and sampling only shows
 # that steps compose.
 ALPHA_TO_HOLD = 1e-3
-# If at most the share REFUSED of the paths cannot be solved, the step sizes are halved, at most
-# HALVED times. A scheme may refuse a step with a large increment, as a fixed-point iteration does
-# if it is no contraction, and still show its order at smaller steps. The results would be biased if
-# such paths were left out.
-REFUSED, HALVED = 1 / 4, 2
+# If at most the share REFUSED_SHARE of the paths cannot be solved, the step sizes are halved, at
+# most REFUSED_MAX_HALVINGS times. A scheme may refuse a step with a large increment, as a
+# fixed-point iteration does if it is no contraction, and still show its order at smaller steps. The
+# results would be biased if such paths were left out.
+REFUSED_SHARE, REFUSED_MAX_HALVINGS = 1 / 4, 2
 # SLOPE_MARGIN is the margin between an order and its bound. If an undecided slope's interval is
 # narrower, steps are too long and more paths do not help. Then the step sizes are halved once. This
 # raises the slope only if the order is right.
@@ -69,7 +69,7 @@ REFERENCE_ERROR_SHARE = 1 / 4
 # may come from a solver's tolerance.
 TOLERANCE_LIKE_ERROR = 1e-5
 # Multiples of the number of paths, tried in order to report how many paths would decide.
-_MORE = tuple(4**k for k in range(1, 9))
+_DECIDING_MULTIPLES = tuple(4**k for k in range(1, 9))
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def is_tilted(scheme: Scheme) -> bool:
     # uses only W(T).
     own = any(not one_field(problem) for item in sources(scheme) for problem in item.problems)
     order = None if own or one_field not in scheme.systems.facts else scheme.mean_square_order
-    return order is not None and order >= TILTED
+    return order is not None and order >= TILTED_ORDER
 
 
 def hold_level(scheme: Scheme, run: Run) -> float:
@@ -129,7 +129,7 @@ def looks(paths: int, *, early: bool = False) -> list[int]:
     """
     counts = [min(FIRST_LOOK, paths)]
     while counts[-1] < paths:
-        counts.append(min(counts[-1] * GROWTH, paths))
+        counts.append(min(counts[-1] * PATHS_GROWTH, paths))
     return [EARLY_PATHS, *counts] if early and counts[0] > EARLY_PATHS else counts
 
 
@@ -143,7 +143,7 @@ def share(scheme: Scheme, effort: Effort, problems: int) -> float:
     """Return the part of FALSE_ALARM for one problem at one look;
     each halving of steps repeats the looks.
     """
-    return part_of_law() / (problems * len(looks(budget(scheme, effort))) * (1 + HALVED))
+    return part_of_law() / (problems * len(looks(budget(scheme, effort))) * (1 + REFUSED_MAX_HALVINGS))
 
 
 def sampled(scheme: Scheme, setup: Setup, paths: int, run: Run) -> StrongErrors:
@@ -307,7 +307,10 @@ def _judge_one(
         used = replace(setup, steps=tuple(n << halved for n in setup.steps))
         errors, assessment = _look(scheme, used, run, assess, alpha, leave=slope and not halved)
         if assessment is None:
-            if halved == HALVED or max(errors.failures) > REFUSED * errors.squared.shape[1]:
+            if (
+                halved == REFUSED_MAX_HALVINGS
+                or max(errors.failures) > REFUSED_SHARE * errors.squared.shape[1]
+            ):
                 break
             why = _failures(setup, errors)
         elif slope and not halved and _near(assessment):
@@ -392,7 +395,7 @@ def _wanted(scheme: Scheme, setup: Setup, assess: Assess, errors: StrongErrors, 
     if errors.reference > REFERENCE_ERROR_SHARE * errors.rms()[-1]:
         return f"{setup.problem}: more paths would not settle it, because the reference is not known better"
     paths, problem = errors.squared.shape[1], setup.build()
-    for factor in _MORE:
+    for factor in _DECIDING_MULTIPLES:
         if assess(problem, errors, alpha, factor).verdict is not Verdict.INCONCLUSIVE:
             wanted = paths * factor
             steps, option = (

@@ -17,7 +17,7 @@ from sepv.schemes import Scheme, order_of
 
 # The claimed order from which on the mean square error depends on increments too rare for plain
 # sampling.
-TILTED = 1.5
+TILTED_ORDER = 1.5
 # Pairs (p, numbers of steps) for claimed orders of p or more. At such orders finer steps have
 # errors of rounding size.
 FEW_STEPS_AT_ORDER = ((6, (8, 12, 16)), (5, (8, 16, 32)))
@@ -69,7 +69,7 @@ def _setup(name: str, truncation: int | None, order: float | None) -> Setup:
         return replace(_setup("", truncation, order), problem=name, given=problems.kubo_by_hamiltonians())
     if name == "random-inertia":  # T is so long that means exceed the noise of paths of a scheme of order ½
         return Setup(name, 1.0, (4, 16, 64), given=three_inertias())
-    if order is not None and order >= TILTED:
+    if order is not None and order >= TILTED_ORDER:
         return Setup(
             name, 0.5, next((steps for least, steps in FEW_STEPS_AT_ORDER if order >= least), (8, 16, 64))
         )

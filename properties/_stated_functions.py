@@ -45,7 +45,7 @@ from sepv.problems import bracket
 from sepv.record import Polynomial, PolynomialMap, poly
 
 
-class Stated(NamedTuple):
+class StatedFunction(NamedTuple):
     """A function I with LI = σ − λI: its name, I, ∇I (d, ...), I″ (None for a polynomial),
     and the relation.
     """
@@ -57,11 +57,11 @@ class Stated(NamedTuple):
     relation: Relation
 
 
-def by_problem(case: Case) -> list[Stated]:
+def by_problem(case: Case) -> list[StatedFunction]:
     """The functions that the problem of a case states."""
     problem = problems.build(case.problem)
     return [
-        Stated(name, I, *_slopes(I, problem.dimension), relation(problem, name))
+        StatedFunction(name, I, *_slopes(I, problem.dimension), relation(problem, name))
         for name, I in problem.invariants.items()
     ]
 
@@ -80,7 +80,7 @@ def polynomial_data(case: Case) -> PolynomialSystem | None:
     return data if isinstance(data, PolynomialSystem) else None
 
 
-def energies(case: Case) -> list[Stated]:
+def energies(case: Case) -> list[StatedFunction]:
     """H, if friction or noise moves it and it is polynomial data."""
     data = polynomial_data(case)
     if data is None or has_friction_and_noise(case):
@@ -125,7 +125,7 @@ def _along(p: Polynomial, g: Sequence[float]) -> Polynomial:
     return poly.add(poly.polynomial(p.dimension, {}), *parts)
 
 
-def casimirs(case: Case) -> list[Stated]:
+def casimirs(case: Case) -> list[StatedFunction]:
     """The Casimirs, if the law *casimir* does not speak of them: with friction, additive noise,
     or of any degree.
     """
@@ -138,7 +138,9 @@ def casimirs(case: Case) -> list[Stated]:
     kept, given = Relation(0.0, 0.0, (), drifts=False), isinstance(case.problem, GivenProblem)
     found = [_polynomial("C", C, kept) for C in getattr(problem.data, "polynomial_casimirs", ())]
     if problem.nambu is not None:
-        found.append(Stated("C", problem.nambu.casimir, problem.nambu.gradient, problem.nambu.hessian, kept))
+        found.append(
+            StatedFunction("C", problem.nambu.casimir, problem.nambu.gradient, problem.nambu.hessian, kept)
+        )
     return [] if given else found
 
 
@@ -160,8 +162,10 @@ def _form(A: Array) -> Polynomial:
     return poly.polynomial(len(A), terms)
 
 
-def _polynomial(name: str, p: Polynomial, known: Relation) -> Stated:
-    return Stated(name, PolynomialMap((), (p,)), PolynomialMap((p.dimension,), poly.gradient(p)), None, known)
+def _polynomial(name: str, p: Polynomial, known: Relation) -> StatedFunction:
+    return StatedFunction(
+        name, PolynomialMap((), (p,)), PolynomialMap((p.dimension,), poly.gradient(p)), None, known
+    )
 
 
 def with_noises(case: Case, kept: Sequence[int]) -> Case | None:

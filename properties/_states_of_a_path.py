@@ -47,7 +47,7 @@ def keeps_states(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
             y,
             "let value read from the state what init put there",
         )
-    _same("one state for one y", start, path.read(path.begin(y), y), _EARLIER)
+    _same("one state for one y", start, path.read(path.begin(y), y), _REMEMBERS_EARLIER)
     first = path.step(begun, y)
     y1 = path.read(first, y)
     _same("a state that step leaves as it is", start, path.read(begun, y))
@@ -57,7 +57,7 @@ def keeps_states(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
     _same("paths that share nothing", y2, path.read(path.step(first, y), y))
     path.step(beside, y1)
     again = path.step(path.begin(y), y)
-    _same("one path for the same increments", y2, path.read(path.step(again, y), y), _EARLIER)
+    _same("one path for the same increments", y2, path.read(path.step(again, y), y), _REMEMBERS_EARLIER)
     if y.ndim == 2:
         part = list(range(0, y.shape[1], 2))
         fewer = _Path(scheme, rule, problem, h, dW[:, part])
@@ -67,14 +67,14 @@ def keeps_states(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
             raise SchemeFault(
                 expected="a batch's state of arrays with the paths on the last axis",
                 received=str(error),
-                remedy=_APART,
+                remedy=_PATHS_APART,
             ) from error
         left = fewer.read(fewer.step(chosen, y[:, part]), y[:, part])
         if np.any(np.abs(left - y2[:, part]) > apart * np.max(np.abs(y2))):
-            _fault("paths that go on without others as in a batch", left, y2[:, part], _APART)
+            _fault("paths that go on without others as in a batch", left, y2[:, part], _PATHS_APART)
 
 
-_APART = "give every array of the state the paths on its last axis, or leave out batched=True"
+_PATHS_APART = "give every array of the state the paths on its last axis, or leave out batched=True"
 
 
 class _Path:
@@ -116,13 +116,13 @@ class _Path:
         return check_answer(value, y, self.scheme.dtype).copy()
 
 
-_OWN = "make a new state in each step; keep nothing of a path outside of its state"
-_EARLIER = (
+_OWN_STATE = "make a new state in each step; keep nothing of a path outside of its state"
+_REMEMBERS_EARLIER = (
     "begin each path anew: init or the scheme remembers an earlier run (a counter, a flag, kept forces)"
 )
 
 
-def _same(expected: str, before: Array, after: Array, remedy: str = _OWN) -> None:
+def _same(expected: str, before: Array, after: Array, remedy: str = _OWN_STATE) -> None:
     if not np.array_equal(before, after):
         _fault(expected, after, before, remedy)
 

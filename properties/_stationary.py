@@ -54,7 +54,7 @@ from sepv.record import EPS, poly
 from sepv.schemes import Scheme, ask, has_memory, takes
 
 # The largest dimension: (S) and (D) are solved as systems of d² equations.
-MAX_DIMENSION = 12
+STATIONARY_MAX_DIMENSION = 12
 # A mode that decays by a smaller share of its own frequency is counted as undamped: roundings of A
 # move it as much.
 LEAST_DECAY = 2.0**-40
@@ -67,9 +67,9 @@ RADIUS_GAP = 2.0**-36
 DECAY_SHARE = 64.0
 # The states and normal numbers, in standard deviations, at which a step is compared with its affine
 # map.
-TESTED = (1.0, -0.5, 3.0)
+TESTED_DEVIATIONS = (1.0, -0.5, 3.0)
 # Random systems of two or three bodies beside those with names.
-MEMBERS = 2
+RANDOM_MEMBERS = 2
 
 
 @dataclass(frozen=True)
@@ -97,8 +97,8 @@ def exact(problem: Problem) -> Stationary | str:
     or the reason why there is none of this form.
     """
     d = problem.dimension
-    if d > MAX_DIMENSION:
-        return f"{problem.name} has more than {MAX_DIMENSION} components"
+    if d > STATIONARY_MAX_DIMENSION:
+        return f"{problem.name} has more than {STATIONARY_MAX_DIMENSION} components"
     if len(noise_vectors(problem)) != problem.noises or not problem.c.any():
         return f"the noise of {problem.name} is not given by vectors, or is zero"
     A = affine_slope(problem)
@@ -154,7 +154,7 @@ def affine(
     """
     d, rows = problem.dimension, rows_of(scheme, problem, h)
     k = rows.shape[1]
-    likely = np.full(problem.noises, max(TESTED) * math.sqrt(h))
+    likely = np.full(problem.noises, max(TESTED_DEVIATIONS) * math.sqrt(h))
     if not takes(scheme, problem, centre, h, likely):
         return f"{problem.name}: a step of {h:.2g} is longer than the longest that the scheme states"
     error = 0.0
@@ -172,7 +172,7 @@ def affine(
         rest = step(np.zeros(d), np.zeros(k))
         Phi = np.stack([step(e, np.zeros(k)) - rest for e in np.eye(d)], axis=1)
         N = np.stack([step(np.zeros(d), e) - rest for e in np.eye(k)], axis=1)
-        for n, size in enumerate(TESTED):
+        for n, size in enumerate(TESTED_DEVIATIONS):
             signs = np.resize([1.0, -1.0] if n % 2 else [1.0], d + k)
             y, xi = size * signs[:d], size * signs[d:]
             off = np.abs(step(y, xi) - (rest + Phi @ y + N @ xi))
@@ -289,7 +289,7 @@ def balanced(scheme: Scheme, seed: int) -> Iterator[tuple[Problem, Stationary]]:
 @lru_cache(maxsize=16)
 def members(seed: int) -> tuple[Problem, ...]:
     """Random systems of two and three bodies, with a full mass matrix and a force at q = 0."""
-    return tuple(_bodies(n, Random(f"bodies {seed} {n}")) for n in range(2, 2 + MEMBERS))
+    return tuple(_bodies(n, Random(f"bodies {seed} {n}")) for n in range(2, 2 + RANDOM_MEMBERS))
 
 
 def _bodies(n: int, random: Random) -> Problem:

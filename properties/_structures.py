@@ -17,12 +17,12 @@ from sepv.problem import Array, Problem, derivative_of_structure, jacobi_defect
 
 # Distances of states near y from y, as shares of |y|. The first distance that stays in the
 # problem's domain is used.
-SHARES = (2.0**-2, 2.0**-4, 2.0**-8, 2.0**-16)
-GOLDEN = (5**0.5 - 1) / 2
+NEAR_SHARES = (2.0**-2, 2.0**-4, 2.0**-8, 2.0**-16)
+GOLDEN_SHARE = (5**0.5 - 1) / 2
 # Jacobi's identity counts as satisfied up to this share of its largest term. The share is a
 # thousand times the error of numerical derivatives, and far below the defect of a B that violates
 # the identity.
-JACOBI = 1e-8
+JACOBI_SHARE = 1e-8
 
 
 def places(problem: Problem, y: Array) -> Iterator[Array]:
@@ -30,10 +30,10 @@ def places(problem: Problem, y: Array) -> Iterator[Array]:
     without special components or differences.
     """
     yield y
-    direction = 0.5 + np.arange(1, y.size + 1) * GOLDEN % 1.0
+    direction = 0.5 + np.arange(1, y.size + 1) * GOLDEN_SHARE % 1.0
     largest = float(np.max(np.abs(y))) or 1.0
     for sign in (1.0, -1.0):
-        moved = (y + sign * share * largest * direction for share in SHARES)
+        moved = (y + sign * share * largest * direction for share in NEAR_SHARES)
         yield from islice(
             (state for state in moved if problem.domain is None or np.all(problem.domain(state))), 1
         )
@@ -53,4 +53,4 @@ def _is_jacobi(problem: Problem, y: Array) -> bool:
     terms = np.einsum(
         "il,jkl->ijk", np.abs(problem.structure(y)), np.abs(derivative_of_structure(problem, y))
     )
-    return bool(np.max(np.abs(jacobi_defect(problem, y))) <= JACOBI * np.max(terms))
+    return bool(np.max(np.abs(jacobi_defect(problem, y))) <= JACOBI_SHARE * np.max(terms))

@@ -33,7 +33,7 @@ from sepv.schemes import Scheme, ask
 
 # The roundings of hσ E[ζ²]: those of the rule's weights, and of a sum of rounded products that is
 # itself rounded once.
-MOMENT = 8
+MOMENT_ROUNDINGS = 8
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def measured(scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity) 
     difference = mean - coarser - h * F.rate * (share - coarser_share)
     if F.decay:
         change, difference = -math.expm1(-F.decay * h) * (F.rate / F.decay - start), mean - coarser
-    rounding = EPS * (operations(problem) * size + MOMENT * abs(change))
+    rounding = EPS * (operations(problem) * size + MOMENT_ROUNDINGS * abs(change))
     unit = F.unit + EPS * (size + abs(change)) + TINY
     bound = allowed + rounding + 2 * abs(difference)
     expected = f"hσ = {change!r}"

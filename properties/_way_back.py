@@ -38,7 +38,7 @@ import numpy as np
 from sepv.errors import SchemeFault, Skipped, StepFailure, Unasked
 from sepv.law import Measurement, amplification
 from sepv.law.cases.case import Case
-from sepv.law.tolerance import ACCUMULATED, state_ulp, step_residual
+from sepv.law.tolerance import PATH_GROWTH, state_ulp, step_residual
 from sepv.problem import Array, Problem
 from sepv.schemes import (
     Scheme,
@@ -96,7 +96,7 @@ def measured(scheme: Scheme, case: Case, rho: Array | None = None) -> Measuremen
     residual = residual + step_residual(problem, y1, returned, -h, -dW, scheme)
     error, bound = np.abs(returned - y), residual
     if alone is None:
-        bound = bound + ACCUMULATED * float(residual.max())
+        bound = bound + PATH_GROWTH * float(residual.max())
     elif not np.all(error <= bound):
         bound = bound + sum(moved(alone, y1, returned, k, residual[k]) for k in range(y.size))
         if np.any(error > bound):

@@ -36,12 +36,12 @@ FORGET_REMEDY = (
 CALLS_TO_SHOW_CHANGE = 8
 # The number of states in each repeated call of a scheme that takes batches: 1024 calls make ten
 # thousand steps.
-LANES = 10
-# The search for a new object at its predecessor's address ends after ADDRESSES objects elsewhere,
-# or FRESH objects.
-ADDRESSES, FRESH = 16, 64
+REPEATED_LANES = 10
+# The search for a new object at its predecessor's address ends after MAX_ELSEWHERE objects
+# elsewhere, or MAX_FRESH objects.
+MAX_ELSEWHERE, MAX_FRESH = 16, 64
 # The most seconds for repeating a step. So a step of more than 30 ms is repeated less often.
-MOST_SECONDS = 30.0
+REPEAT_MAX_SECONDS = 30.0
 
 
 def repeats(scheme: Scheme, case: Case) -> None:
@@ -50,8 +50,8 @@ def repeats(scheme: Scheme, case: Case) -> None:
     """
     problem, y, h, dW = case.build()
     if scheme.batched:
-        y, dW = (np.repeat(a[:, None], LANES, axis=1) for a in (y, dW))
-    first, end = ask(scheme, problem, y, h, dW), time.monotonic() + MOST_SECONDS
+        y, dW = (np.repeat(a[:, None], REPEATED_LANES, axis=1) for a in (y, dW))
+    first, end = ask(scheme, problem, y, h, dW), time.monotonic() + REPEAT_MAX_SECONDS
     for n in range(2, case.times + 1):
         try:
             answer: Array | str = ask(scheme, problem, y, h, dW)
@@ -197,7 +197,7 @@ def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: A
         *[partial(_as_others, whole, 0.5)] * bool(problem.noises), partial(_as_others, whole, 1.0, 0.5)
     ]  # fmt: skip
     elsewhere: list[Problem] = []
-    while missed < ADDRESSES and len(elsewhere) < FRESH:
+    while missed < MAX_ELSEWHERE and len(elsewhere) < MAX_FRESH:
         addresses, blind = set[int](), False
         for make in parts:
             other = make()

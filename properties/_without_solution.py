@@ -46,7 +46,7 @@ CLASSES_WITH_FOLDS = (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL)
 # two half steps have solutions. Some are so small that a loose test of convergence accepts the
 # nearest state as a solution.
 FOLD_EXPONENTS = (-6, -6, -16, -12, -4, -3, -1, 0, 3)
-_NONE = (Fraction(0), Fraction(0), Fraction(0))
+_NO_SOLUTION = (Fraction(0), Fraction(0), Fraction(0))
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def _quadratic(p: Polynomial, k: int) -> tuple[Fraction, Fraction, Fraction] | N
     """Return (q0, q1, q2) if the polynomial p depends on y_k alone, has degree 2 and no real root,
     else None.
     """
-    found = list(_NONE)
+    found = list(_NO_SOLUTION)
     for exponents, value in p.terms:
         if sum(exponents) != exponents[k] or exponents[k] > 2:
             return None

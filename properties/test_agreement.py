@@ -70,9 +70,9 @@ from sepv.schemes import (
 )
 
 # The law holds only if both programs make at least this share of the steps that one of them makes.
-LEAST_SHARE = 0.25
+BOTH_MIN_SHARE = 0.25
 # The most components that a counterexample lists.
-LISTED = 4
+LISTED_COMPONENTS = 4
 
 
 @dataclass
@@ -287,8 +287,8 @@ def _parts(off: Array, bound: float) -> str:
     if not parted:
         return ""
     against = f", bound {bound:.2g}" if bound else ""
-    listed = ", ".join(f"component {k + 1} by {off[k]:.2g}" for k in parted[:LISTED])
-    more = f" and {len(parted) - LISTED} more" if len(parted) > LISTED else ""
+    listed = ", ".join(f"component {k + 1} by {off[k]:.2g}" for k in parted[:LISTED_COMPONENTS])
+    more = f" and {len(parted) - LISTED_COMPONENTS} more" if len(parted) > LISTED_COMPONENTS else ""
     return f"\napart: {listed}{more} (of {len(off)}){against}"
 
 
@@ -339,7 +339,7 @@ def _run(own: Law, scheme: Scheme, this_run: Run) -> Finding:
     alone = sum(tally.alone.values())
     if not tally.steps and (tally.both_refuse or alone):
         return own.finding(Verdict.NOT_APPLICABLE, message=f"{text}\nno step was made by both", skipped=alone)
-    if tally.steps < LEAST_SHARE * (tally.steps + alone):
+    if tally.steps < BOTH_MIN_SHARE * (tally.steps + alone):
         finding = replace(finding, verdict=Verdict.INCONCLUSIVE)
         text += f"\nboth make {tally.steps} of {tally.steps + alone} steps: too few for a verdict"
     return replace(finding, message=f"{text}\n{finding.message}".rstrip())

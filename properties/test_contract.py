@@ -3,9 +3,9 @@ and changes nothing in place.
 
 Each case is stepped a few times, also from arrays with another memory layout. If a scheme carries a
 state from step to step, two paths are computed alternately. At the end all cases are stepped in the
-opposite order, steps without a solution are tried twice, and the simplest case is stepped TIMES
-times in a row. Other laws do not find an error that occurs every thousandth call: it changes
-sampled paths too little, and laws about single steps make some hundred calls.
+opposite order, steps without a solution are tried twice, and the simplest case is stepped
+LAST_CASE_CALLS times in a row. Other laws do not find an error that occurs every thousandth call:
+it changes sampled paths too little, and laws about single steps make some hundred calls.
 """
 
 from __future__ import annotations
@@ -46,26 +46,27 @@ from sepv.schemes import Scheme, SchemeCrash, ask, check_answer, raw_answer, req
 
 # The number of states in a batch. It is small, because the law "reproducibility" has larger
 # batches.
-BATCH = 3
-# OTHERWISE is the number of roundings by which sums in different orders may differ, before a solver
-# amplifies them. A difference of LAYOUT times the result is always allowed: far above roundings of
-# binary64, far below those of binary32.
-OTHERWISE, LAYOUT = 64, 2.0**-30
-# Caches with rounded keys, and single precision, do not distinguish NEAR·y from y. Steps from both
-# must have different results if the states are farther apart than LEAST_APART (256 roundings) times
-# the size of the result.
-NEAR, LEAST_APART = 1 + 2.0**-40, 2.0**-44
-# If H has degree HIGH or more and d ≤ SMALL, an address first has a problem of degree 2, to reveal
-# cached nodes.
-HIGH, SMALL = 3, 3
+CONTRACT_BATCH = 3
+# ORDER_ROUNDINGS is the number of roundings by which sums in different orders may differ, before a
+# solver amplifies them. A difference of LAYOUT_SHARE times the result is always allowed: far above
+# roundings of binary64, far below those of binary32.
+ORDER_ROUNDINGS, LAYOUT_SHARE = 64, 2.0**-30
+# Caches with rounded keys, and single precision, do not distinguish NEARBY_FACTOR·y from y. Steps
+# from both must have different results if the states are farther apart than RESULTS_LEAST_APART
+# (256 roundings) times the size of the result.
+NEARBY_FACTOR, RESULTS_LEAST_APART = 1 + 2.0**-40, 2.0**-44
+# If H has degree HIGH_DEGREE or more and d ≤ SMALL_DIMENSION, an address first has a problem of
+# degree 2, to reveal cached nodes.
+HIGH_DEGREE, SMALL_DIMENSION = 3, 3
 # The number of steps without a solution that are tried, each twice.
 STEPS_WITHOUT_SOLUTION = 2
 # The number of calls of the last case, a quarter of a second for (2.1). They find every fault with
 # a shorter period. If a step takes 200 µs, the sampled laws make a hundred times as many calls.
-TIMES = 1024
-# The step of the last case, shortened by SHORT to save iterations, is timed for TIMING seconds or
-# CALLS calls. If a scheme takes batches, the time is that for one of MANY states.
-SHORT, TIMING, CALLS, MANY = 0.125, 0.0625, 16, 256
+LAST_CASE_CALLS = 1024
+# The step of the last case, shortened by SHORTENED_STEP to save iterations, is timed for
+# TIMED_SECONDS seconds or TIMED_CALLS calls. If a scheme takes batches, the time is that for one of
+# TIMED_STATES states.
+SHORTENED_STEP, TIMED_SECONDS, TIMED_CALLS, TIMED_STATES = 0.125, 0.0625, 16, 256
 # The number of cases whose steps are compared with those of a second process.
 SECOND_PROCESS_CASES = 16
 
@@ -95,8 +96,8 @@ def _checked(scheme: Scheme, case: Case) -> Array | None:
     # degrees.
     high = (
         case.given == "functions"
-        and (problem.degree or 0) >= HIGH
-        and len(y) <= SMALL
+        and (problem.degree or 0) >= HIGH_DEGREE
+        and len(y) <= SMALL_DIMENSION
         and h > 0
         and np.any(y)
     )
@@ -105,10 +106,10 @@ def _checked(scheme: Scheme, case: Case) -> Array | None:
     if scheme.batched:
         # States of the batch are nearer to 0 than y, with less noise, so that their steps have
         # solutions too.
-        factors = scheme.numbers(1 - np.arange(BATCH) / 128)
+        factors = scheme.numbers(1 - np.arange(CONTRACT_BATCH) / 128)
         states = y[:, None] * factors
         if not may_ask(scheme, problem, states):
-            states = np.repeat(y[:, None], BATCH, axis=1)
+            states = np.repeat(y[:, None], CONTRACT_BATCH, axis=1)
         noise = dW[:, None] * factors
         _keeps(scheme, problem, states, h, noise, (0.75,))
         keeps_states(scheme, problem, states, h / 8, noise / 8, LEAST_DISTANCE)
@@ -142,8 +143,12 @@ def _keeps(
         copied[...] = between[0] * moved
         reads_again(scheme, problem, copied, h, noise, between[0], y)
     _takes_any_layout(scheme, problem, y, h, dW, first)
-    if max(scheme.solver_tolerance, scheme.eps) <= LEAST_APART and may_ask(scheme, problem, NEAR * y):
-        tells_apart(y, NEAR * y, first, ask(scheme, problem, NEAR * y, h, dW), LEAST_APART)
+    if max(scheme.solver_tolerance, scheme.eps) <= RESULTS_LEAST_APART and may_ask(
+        scheme, problem, NEARBY_FACTOR * y
+    ):
+        tells_apart(
+            y, NEARBY_FACTOR * y, first, ask(scheme, problem, NEARBY_FACTOR * y, h, dW), RESULTS_LEAST_APART
+        )
     for factor in between:
         if may_ask(scheme, problem, factor * moved):
             tells_apart(y, factor * moved, first, ask(scheme, problem, factor * moved, h, dW), LEAST_DISTANCE)
@@ -169,8 +174,8 @@ def _takes_any_layout(scheme: Scheme, problem: Problem, y: Array, h: float, dW: 
     """Repeat a step with the same numbers in read-only arrays,
     as strided views and in Fortran's order.
 
-    Sums may be made in another order with these arrays, so results may differ by LAYOUT times their
-    size. A step that accepts none of the arrays, such as a compiled step, is not judged.
+    Sums may be made in another order with these arrays, so results may differ by LAYOUT_SHARE times
+    their size. A step that accepts none of the arrays, such as a compiled step, is not judged.
 
     Raises
     ------
@@ -192,7 +197,7 @@ def _takes_any_layout(scheme: Scheme, problem: Problem, y: Array, h: float, dW: 
             continue
         except StepFailure:
             continue
-        share = max(LAYOUT, OTHERWISE * max(scheme.eps, scheme.solver_tolerance))
+        share = max(LAYOUT_SHARE, ORDER_ROUNDINGS * max(scheme.eps, scheme.solver_tolerance))
         if np.any(np.abs(answer - first) > share * np.max(np.abs(first))):
             remembers_calls(scheme, problem, y, h, dW, first)
             raise SchemeFault(
@@ -259,22 +264,22 @@ def keeps_type(scheme: Scheme, case: Case) -> None:
 
 def _step_seconds(scheme: Scheme, case: Case) -> float | None:
     """Measure the seconds for one state in a short step,
-    in a batch of MANY if the scheme takes batches.
+    in a batch of TIMED_STATES if the scheme takes batches.
 
     Return None if the scheme refuses the step.
     """
     problem, y, h, dW = case.build()
-    h, dW = SHORT * h, SHORT * dW
+    h, dW = SHORTENED_STEP * h, SHORTENED_STEP * dW
     if scheme.batched:
-        y, dW = (np.repeat(a[:, None], MANY, axis=1) for a in (y, dW))
+        y, dW = (np.repeat(a[:, None], TIMED_STATES, axis=1) for a in (y, dW))
     calls = 0
     with suppress(SepvError):
         ask(scheme, problem, y, h, dW)  # this call may compile
         start = time.monotonic()
-        while calls < CALLS and time.monotonic() < start + TIMING:
+        while calls < TIMED_CALLS and time.monotonic() < start + TIMED_SECONDS:
             ask(scheme, problem, y, h, dW)
             calls += 1
-        return (time.monotonic() - start) / calls / (MANY if scheme.batched else 1)
+        return (time.monotonic() - start) / calls / (TIMED_STATES if scheme.batched else 1)
     return None
 
 
@@ -282,9 +287,9 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     """Search for a fault. If none is found, repeat all cases in reverse order,
     and try steps without solution twice.
 
-    Then repeat the step of the simplest case TIMES times, unless a stored counterexample already
-    repeats its step. If a new process can import the scheme, compare some steps with those of a
-    second process.
+    Then repeat the step of the simplest case LAST_CASE_CALLS times, unless a stored counterexample
+    already repeats its step. If a new process can import the scheme, compare some steps with those
+    of a second process.
     """
     measured: list[tuple[Case, Array | None]] = []
 
@@ -349,7 +354,7 @@ def _repeated(
         more.append(partial(keeps_type, scheme, replace(simplest, y=(0.0,) * len(simplest.y))))
         more += [partial(check, scheme, case) for case in _refused(scheme, this_run.effort.seed)]
         if not any(case.times for case, _ in measured):
-            more.append(partial(check, scheme, replace(simplest, times=TIMES)))
+            more.append(partial(check, scheme, replace(simplest, times=LAST_CASE_CALLS)))
         for question in more:
             try:
                 question()

@@ -30,7 +30,7 @@ from sepv.law.contraction import contraction_radius
 from sepv.problem import PolynomialSystem, Systems, one_hamiltonian
 from sepv.schemes import Scheme, ask_next
 
-STEPS = 3
+PATH_STEPS_KEPT = 3
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
@@ -44,8 +44,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     problem, y, h, increments = case.build()
     exact = exact_problem(case.problem, 40)
     worst, state = Measurement(0.0, 0.0), None
-    for n in range(STEPS):
-        dW = increments if n + 1 < STEPS else np.zeros_like(increments)
+    for n in range(PATH_STEPS_KEPT):
+        dW = increments if n + 1 < PATH_STEPS_KEPT else np.zeros_like(increments)
         try:
             y1, state = ask_next(scheme, problem, y, state, h, dW)
         except StepFailure:
@@ -62,11 +62,11 @@ def check(scheme: Scheme, case: Case) -> Measurement:
             f"step {n + 1}: H(y1) − H(y0) = {mpmath.nstr(after - before, 6)}, H(y0) = {mpmath.nstr(before, 6)}, "
             f"y1 = {y1.tolist()}"
             + (f", from y0 = {y.tolist()} after {n} step{'s' * (n > 1)}" if n else "")
-            + (" with ΔW = 0" if n + 1 == STEPS and dW.size else ""),
+            + (" with ΔW = 0" if n + 1 == PATH_STEPS_KEPT and dW.size else ""),
         )
         worst = measurement if n == 0 or measurement.ratio > worst.ratio else worst
         y = y1
-        if n + 1 == STEPS:
+        if n + 1 == PATH_STEPS_KEPT:
             break
         length = abs(h) + float(abs(problem.c * dW).sum())
         # A step from y1 that is longer than its contraction radius need not have a solution.

@@ -32,14 +32,14 @@ from sepv.schemes import Scheme, order_of
 
 # Step sizes in units of 1/|λ| for the fastest eigenvalue λ of the drift. Coarser ones are unstable
 # for some schemes.
-SIZES = 2.0 ** -np.arange(0.0, 9.0)
-# Sizes at which the covariance of q is compared. An order is measured at all of SIZES but the
-# first.
-SIZES_OF_POSITIONS = SIZES[[0, 1, 3]]
+EQUILIBRIUM_SIZES = 2.0 ** -np.arange(0.0, 9.0)
+# Sizes at which the covariance of q is compared. An order is measured at all of EQUILIBRIUM_SIZES
+# but the first.
+SIZES_OF_POSITIONS = EQUILIBRIUM_SIZES[[0, 1, 3]]
 # Half of the distance of orders: the error is a series in whole powers of h.
-MARGIN = 0.5
+EQUILIBRIUM_MARGIN = 0.5
 # Errors above this multiple of the bound of roundings change a slope by less than a tenth.
-CLEAR = 16.0
+CLEAR_FACTOR = 16.0
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def words(balance: Balance) -> str:
 
 def order(law: Law, scheme: Scheme, taken: list[Balance]) -> Finding:
     """Judge the power of h in the error of the stationary distribution."""
-    needed = order_of(scheme.weak_order, "additive") - MARGIN
+    needed = order_of(scheme.weak_order, "additive") - EQUILIBRIUM_MARGIN
     lines, slopes, measured = list[str](), list[Slope](), list[dict[str, Any]]()
     for each in taken:
         name = each.problem.name
@@ -130,7 +130,7 @@ def order(law: Law, scheme: Scheme, taken: list[Balance]) -> Finding:
         h = np.array([found.time for found in each.found])
         errors = np.array([error(found, each.wanted) for found in each.found])
         rounding = max(found.rounding for found in each.found)
-        seen = judge_slope(h, errors, needed, rounding, CLEAR * rounding)
+        seen = judge_slope(h, errors, needed, rounding, CLEAR_FACTOR * rounding)
         slopes.append(seen)
         sizes = {"h": h.tolist(), "error": errors.tolist()}
         measured.append({"problem": name, **sizes, "slope": finite(seen.value), "needed": needed})
@@ -199,7 +199,7 @@ law = Law(
     unit="slope",
     cost=0.2,
     middle="a step with a state is no map of y alone",
-    run=partial(run, order, SIZES[1:]),
+    run=partial(run, order, EQUILIBRIUM_SIZES[1:]),
     replay=replay,
 )
 

@@ -42,7 +42,7 @@ from sepv.schemes import Scheme, ask
 # The number of nodes of the interpolation, and the last power of Δ whose coefficient is judged.
 # With 24 or more nodes in |Δ| ≤ ϱ/2, the coefficient of Δ⁸ has an error of 2e-6 r/ϱ⁸ (r, ϱ: see
 # `_on`), and is 1e-7 to 1e-2 of r/ϱ⁸.
-NODES, LAST = 24, 8
+INTERPOLATION_NODES, LAST_POWER = 24, 8
 
 
 # A function of a share s of the case's step that gives the arguments h and ΔW of a step with s Δ.
@@ -174,7 +174,7 @@ def higher_coefficients(
     for polynomials without constant term. Its error is bounded by the rest of the series, |c_m|
     ≤ r/ϱ^m (Cauchy), and by the rounding of each value.
     """
-    last = min(LAST, round(2 * (scheme.mean_square_order or 1.0)))
+    last = min(LAST_POWER, round(2 * (scheme.mean_square_order or 1.0)))
     if last < 3:
         return []
     problem, y, h, dW = case.build()
@@ -208,14 +208,14 @@ def interpolation() -> tuple[Array, Array, Array]:
     """
     ctx = mpmath.mp.clone()
     ctx.dps = 50
-    n = NODES
+    n = INTERPOLATION_NODES
     x = [ctx.cos(ctx.pi * (2 * j + 1) / (2 * n)) / 2 for j in range(n)]
     inverse = ctx.matrix([[xj ** (k + 1) for k in range(n)] for xj in x]) ** -1
     tails = [
         sum(abs(ctx.fsum(inverse[k, j] * x[j] ** m for j in range(n))) for m in range(n + 1, n + 60))
-        for k in range(LAST)
+        for k in range(LAST_POWER)
     ]
-    weights = [[float(inverse[k, j]) for j in range(n)] for k in range(LAST)]
+    weights = [[float(inverse[k, j]) for j in range(n)] for k in range(LAST_POWER)]
     return np.array([float(v) for v in x]), np.array(weights), np.array([float(v) for v in tails])
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from sepv.properties._decay import LARGEST_DECAY
 from sepv.properties._decay import residual as damped_residual
 from sepv.properties._stated_functions import (
-    Stated,
+    StatedFunction,
     by_problem,
     casimirs,
     energies,
@@ -56,21 +56,21 @@ from sepv.problems import build, planes
 from sepv.record import EPS, TINY, poly
 from sepv.schemes import Scheme, ask
 
-DIGITS = 40
+MEAN_DIGITS = 40
 # The most steps of a quadrature for a scheme that takes one state a call, and the number above
 # which noises are left out. A mean has two rules, and the law about a hundred means: 6,400 steps,
 # or eight minutes for steps of 76 ms, where a law may take ten.
-MOST_NODES, FEW_NODES = 1000, 32
+MEAN_MAX_STEPS, MEAN_MAX_NOISES = 1000, 32
 # The number of fixed systems of dimension 4 and 5 on which each scheme for (1.1) is tested, with
 # every seed.
-SYSTEMS = 12
+FIXED_SYSTEMS = 12
 NONE_STATED = "no problem states a function: Problem(…, invariants={'momentum': lambda y: …}), then -p NAME"
 # Schemes for these classes may rely on ∇C = 2Ay or b of their Casimirs.
 OF_DEGREE_TWO = (Systems.DAMPED, Systems.ADDITIVE)
 
 FRICTION = {without_friction: "friction and noise change H and Casimirs at no constant rate: see equilibrium"}
 
-Functions = Callable[[Case], list[Stated]]
+Functions = Callable[[Case], list[StatedFunction]]
 
 
 def about(functions: Functions) -> Adapt:
@@ -114,7 +114,7 @@ def check_casimir(scheme: Scheme, case: Case) -> Measurement:
     return furthest(scheme, case, found)
 
 
-def furthest(scheme: Scheme, case: Case, functions: list[Stated]) -> Measurement:
+def furthest(scheme: Scheme, case: Case, functions: list[StatedFunction]) -> Measurement:
     """Measure the function I whose value, or mean, is furthest from the right one,
     relative to its bound.
     """
@@ -133,19 +133,26 @@ def furthest(scheme: Scheme, case: Case, functions: list[Stated]) -> Measurement
 
 def affordable(scheme: Scheme, case: Case) -> Case:
     """Leave noises out of a mean, but not the last two,
-    until a rule has at most FEW_NODES steps of a scheme that takes single states.
+    until a rule has at most MEAN_MAX_NOISES steps of a scheme that takes single states.
 
     The noises that are left are neighbours, from one that depends on y: different cases ask
     different noises. For 20 noises the two rules of a mean have 160 steps, and 33,600 with Lévy
     areas.
     """
     m = len(case.dW)
-    if scheme.batched or not m or any(case.dW) or nodes(scheme, build(case.problem), case.h) <= FEW_NODES:
+    if (
+        scheme.batched
+        or not m
+        or any(case.dW)
+        or nodes(scheme, build(case.problem), case.h) <= MEAN_MAX_NOISES
+    ):
         return case
     first = crc32(repr(case.y).encode()) % m
     for count in range(m - 1, 1, -1):
         fewer = with_noises(case, [(first + j) % m for j in range(count)])
-        if fewer is not None and (count == 2 or nodes(scheme, build(fewer.problem), case.h) <= FEW_NODES):
+        if fewer is not None and (
+            count == 2 or nodes(scheme, build(fewer.problem), case.h) <= MEAN_MAX_NOISES
+        ):
             return fewer
     return case
 
@@ -161,15 +168,17 @@ def residual(scheme: Scheme, problem: Problem, y: Array, y1: Array, h: float, dW
     return 2 * step_residual(problem, y, y1, h, dW, scheme)
 
 
-def on_path(problem: Problem, function: Stated, y: Array, y1: Array, h: float, r: Array) -> Measurement:
-    """Measure I(y1) − e^(−λh) I(y0) − σ(1 − e^(−λh))/λ with DIGITS digits;
+def on_path(
+    problem: Problem, function: StatedFunction, y: Array, y1: Array, h: float, r: Array
+) -> Measurement:
+    """Measure I(y1) − e^(−λh) I(y0) − σ(1 − e^(−λh))/λ with MEAN_DIGITS digits;
     the bound is Σ_i |∂_iI| r_i on the segment.
 
     Damping moves the state by the factor e^(−γh/2) before and after the step that has the residual
     r, so the box of the segment is enlarged by the largest such change.
     """
     name, I, slope, curve, known = function
-    ctx, exact = context(DIGITS), in_many_digits(I, problem.dimension, DIGITS)
+    ctx, exact = context(MEAN_DIGITS), in_many_digits(I, problem.dimension, MEAN_DIGITS)
     if exact is None:
         raise Skipped(f"{name} cannot be recorded")
     before, after = (exact([ctx.mpf(float(v)) for v in state]) for state in (y, y1))
@@ -188,7 +197,7 @@ def on_path(problem: Problem, function: Stated, y: Array, y1: Array, h: float, r
     return Measurement(abs(float(after - expected)) / unit, bound / unit, detail)
 
 
-def in_mean(scheme: Scheme, case: Case, function: Stated) -> Measurement:
+def in_mean(scheme: Scheme, case: Case, function: StatedFunction) -> Measurement:
     """Measure the mean of I by a quadrature, as far as its number of steps is affordable.
 
     A step may leave the box of y0 and y1, because noises of parts of it may cancel. No state of a
@@ -208,13 +217,13 @@ def in_mean(scheme: Scheme, case: Case, function: Stated) -> Measurement:
         raise Skipped(
             "with clipped increments the mean of I is known only if LI is a constant of the noise alone"
         )
-    if not scheme.batched and nodes(own, problem, h) > MOST_NODES:
-        raise Skipped(f"a mean needs more than {MOST_NODES} steps of single states")
+    if not scheme.batched and nodes(own, problem, h) > MEAN_MAX_STEPS:
+        raise Skipped(f"a mean needs more than {MEAN_MAX_STEPS} steps of single states")
     found = measured(own, problem, y, h, quantity(function, y))
     return Measurement(found.defect, found.bound, f"I = {name}: {found.detail}; {known.words}")
 
 
-def quantity(function: Stated, y: Array) -> Quantity:
+def quantity(function: StatedFunction, y: Array) -> Quantity:
     """The function, with the bound of its change by a residual and with its unit at y,
     for the trace formula.
     """
@@ -240,8 +249,8 @@ def beyond_three() -> Iterable[Case]:
     """Make steps of at least half the contraction radius for systems (1.1)
     with d = 4 or 5 and d − 2 given Casimirs.
     """
-    made = (_step(Random(seed), 4 + seed % 2) for seed in range(4 * SYSTEMS))
-    return [case for case in made if case is not None][:SYSTEMS]
+    made = (_step(Random(seed), 4 + seed % 2) for seed in range(4 * FIXED_SYSTEMS))
+    return [case for case in made if case is not None][:FIXED_SYSTEMS]
 
 
 def of_casimirs(d: int, random: Random) -> PolynomialSystem:

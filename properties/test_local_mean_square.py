@@ -14,7 +14,7 @@ from typing import Any
 from sepv.properties._orders.any_step import lower_order
 from sepv.properties._orders.local_errors import LocalErrors
 from sepv.properties._orders.local_example import step_example
-from sepv.properties._orders.local_orders import MARGIN, judge, strong_order
+from sepv.properties._orders.local_orders import LOCAL_MARGIN, judge, strong_order
 from sepv.properties._sampled import FIRST_STEP, of_one_step, pathwise
 
 from sepv.law import Effort, Finding, Law, Run, Verdict, require
@@ -28,7 +28,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     claimed = scheme.mean_square_order
 
     def needs(_: LocalErrors, order: float) -> float:
-        return order + 0.5 - MARGIN
+        return order + 0.5 - LOCAL_MARGIN
 
     known = 1.5 if scheme.asks == "space-time" else 1.0
     if (

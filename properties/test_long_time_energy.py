@@ -21,8 +21,8 @@ from dataclasses import replace
 from typing import Any
 
 from sepv.properties._orders.integrable import Orbits, orbits_of_class, users_orbits
-from sepv.properties._orders.long_times import Judged, power, trend
-from sepv.properties._sampled import sparing
+from sepv.properties._orders.long_times import JudgedEnergy, power, trend
+from sepv.properties._sampled import DEEP_EXAMPLES, DEEPER, sparing
 
 from sepv.errors import Skipped
 from sepv.law import Case, Effort, Finding, Law, Run, Verdict, require
@@ -34,23 +34,20 @@ from sepv.schemes import Scheme, takes
 
 # The number of paths on an orbit, for a confidence interval of the growth. A scheme without batches
 # gets fewer.
-PATHS, SPARED_PATHS = 8, 4
-# With at least DEEP_EXAMPLES examples (option `--deep`), the means of the energy are DEEPER times
-# as far apart.
-DEEPER, DEEP_EXAMPLES = 8, 1000
+PATHS_ON_ORBIT, SPARED_PATHS_ON_ORBIT = 8, 4
 # The largest number of halvings of the step size for a scheme that states a longest step.
 HALVINGS_MAX = 3
-_RANKS = (Verdict.VIOLATED, Verdict.ERROR, Verdict.INCONCLUSIVE, Verdict.HOLDS)
+_ENERGY_RANKS = (Verdict.VIOLATED, Verdict.ERROR, Verdict.INCONCLUSIVE, Verdict.HOLDS)
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     """Judge the trend and the power of h on all orbits. Report the worst: first by verdict,
-    then by `Judged.share`.
+    then by `JudgedEnergy.share`.
     """
     if scheme.asks or (scheme.systems.several_fields and scheme.systems is not Systems.MATRIX_HAMILTONIANS):
         why = "the scheme is for several fields, which c = () leaves alone"
         return law.finding(Verdict.NOT_APPLICABLE, message=why)
-    effort, found, lines, skipped = own.effort, list[tuple[Judged, Orbits]](), list[str](), list[str]()
+    effort, found, lines, skipped = own.effort, list[tuple[JudgedEnergy, Orbits]](), list[str](), list[str]()
     for asked in _orbits(scheme, effort.seed):
         try:
             orbits = _taken(scheme, asked) if isinstance(asked, Orbits) else users_orbits(asked)
@@ -66,7 +63,7 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
             or "the class has no mechanical systems or rigid bodies, of which theory speaks"
         )
         return law.finding(Verdict.NOT_APPLICABLE, message=why)
-    worst, orbits = min(found, key=lambda each: (_RANKS.index(each[0].verdict), -each[0].share))
+    worst, orbits = min(found, key=lambda each: (_ENERGY_RANKS.index(each[0].verdict), -each[0].share))
     if worst.verdict is not Verdict.HOLDS:
         y = tuple(orbits.of(1)[:, 0].tolist())
         lines.append(Case(describe(orbits.problem), y, orbits.h).describe())
@@ -104,11 +101,11 @@ def _taken(scheme: Scheme, orbits: Orbits) -> Orbits:
     raise Skipped("the scheme takes shorter steps alone (longest_step)")
 
 
-def _judged(scheme: Scheme, orbits: Orbits, effort: Effort) -> list[Judged]:
+def _judged(scheme: Scheme, orbits: Orbits, effort: Effort) -> list[JudgedEnergy]:
     """Judge the trend of the energy on the orbits and, if H oscillates and has no trend,
     the power of h.
     """
-    paths = SPARED_PATHS if sparing(scheme, effort) else PATHS
+    paths = SPARED_PATHS_ON_ORBIT if sparing(scheme, effort) else PATHS_ON_ORBIT
     first = trend(scheme, orbits, paths, DEEPER if effort.examples >= DEEP_EXAMPLES else 1)
     if first.verdict in (Verdict.VIOLATED, Verdict.ERROR) or first.kept:
         return [first]

@@ -21,14 +21,14 @@ from sepv.problem import Problem, column
 from sepv.schemes import Scheme, order_of
 
 # Orders of one-step methods for (1.1) are multiples of ½. If the interval of the slope is above p
-# − MARGIN, the middle between p and the next lower order, it rejects the lower order. The margin
-# also allows for the pre-asymptotic part of a slope, which is below 0.06 for the paper's schemes at
-# these step sizes.
-MARGIN = 0.25
+# − MEAN_SQUARE_MARGIN, the middle between p and the next lower order, it rejects the lower order.
+# The margin also allows for the pre-asymptotic part of a slope, which is below 0.06 for the paper's
+# schemes at these step sizes.
+MEAN_SQUARE_MARGIN = 0.25
 
 
 def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
-    """Make the test that slopes of the error are above the claimed order less MARGIN.
+    """Make the test that slopes of the error are above the claimed order less MEAN_SQUARE_MARGIN.
 
     The slopes are that of the rms error and, except for weighted (`tilted`) samples, that of a
     quantile. The law holds if an interval with error probability alpha, or `hold` if larger, lies
@@ -38,7 +38,7 @@ def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
         kind = column(problem)
         order = order_of(claimed, kind, unclaimed(kind))
-        bound = order - MARGIN
+        bound = order - MEAN_SQUARE_MARGIN
         usable = above_floor(errors)
         if usable.sum() < 2:
             return at_the_floor(errors, order)
@@ -56,12 +56,12 @@ def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
 
 
 def order_above(low: float) -> float:
-    """Return the largest multiple p of ½ with p − MARGIN < `low`,
+    """Return the largest multiple p of ½ with p − MEAN_SQUARE_MARGIN < `low`,
     the lower end of a slope's interval, or 0.
 
     The interval proves the order p with the confidence of the run, whatever order is claimed.
     """
-    return max(0.0, math.ceil(2 * (low + MARGIN) - 1) / 2) if math.isfinite(low) else 0.0
+    return max(0.0, math.ceil(2 * (low + MEAN_SQUARE_MARGIN) - 1) / 2) if math.isfinite(low) else 0.0
 
 
 def at_the_floor(errors: StrongErrors, order: float) -> Assessment:
@@ -71,7 +71,7 @@ def at_the_floor(errors: StrongErrors, order: float) -> Assessment:
     If only the error of the coarsest step is above the floor, it must fall to the floor as fast as
     the order demands.
     """
-    usable, rms, floor, bound = above_floor(errors), errors.rms(), floors(errors), order - MARGIN
+    usable, rms, floor, bound = above_floor(errors), errors.rms(), floors(errors), order - MEAN_SQUARE_MARGIN
     if not usable.any():
         text = "errors at the rounding floor at every step size"
         return Assessment(Verdict.HOLDS, math.inf, math.inf, math.inf, bound, text, order)

@@ -38,7 +38,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     return Measurement(error, bound, f"y1 = {y1.tolist()}, {error:.3g} ulp from {name}")
 
 
-_OTHER = "it is about the equation of (2.1), which several fields do not have"
+_ABOUT_ONE_FIELD = "it is about the equation of (2.1), which several fields do not have"
 law = searched(
     name="midpoint",
     statement="for quadratic H the step is that of the midpoint rule, or with s stages that of the Gauss method",
@@ -51,7 +51,7 @@ law = searched(
         blind={"degree of B": ("0",)},
         adapt=only(quadratic, data=True),
         why="the problems have no quadratic H given as data",
-        needs={one_field: _OTHER},
+        needs={one_field: _ABOUT_ONE_FIELD},
     ),
     check=check,
 )

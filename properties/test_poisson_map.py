@@ -60,7 +60,7 @@ def check_conformal(scheme: Scheme, case: Case) -> Measurement:
     return check(scheme, case, math.exp(-kappa * case.h))
 
 
-SIZES = {
+MAP_SIZES = {
     "d": ("2", "3", "4–6"),
     "degree of H": ("1–2", "3–4", "5–6"),
     "terms of H": ("1–2", "3–9"),
@@ -78,7 +78,7 @@ law = searched(
     steps=464,
     middle=Middle.MAP,
     cases=Cases(
-        where={"Jacobi": ("Poisson",), **SIZES},
+        where={"Jacobi": ("Poisson",), **MAP_SIZES},
         adapt=poisson,
         why="B of the problems does not satisfy Jacobi's identity, or the noise is given by vectors",
         needs={
@@ -104,7 +104,7 @@ for_constant_structure = searched(
             "degree of C": ("1",),
             "degree of g": ("0",),
             "Casimirs": ("none",),
-            **SIZES,
+            **MAP_SIZES,
         },
         adapt=constant,
         why="B of the problems is not constant",
@@ -122,7 +122,7 @@ for_damping = searched(
     cost=0.1,
     middle=Middle.MAP,
     cases=Cases(
-        where={"degree of B": ("0",), "Casimirs": ("none",), "d": SIZES["d"]},
+        where={"degree of B": ("0",), "Casimirs": ("none",), "d": MAP_SIZES["d"]},
         adapt=conformal,
         why="the problems have no damping −Γy with ΓB + BΓᵀ = κB and constant B",
         needs={damped: "the systems have no damping"},

@@ -20,11 +20,11 @@ from sepv.problem import Array, NamedProblem, Problem, Systems, noise_field, vec
 from sepv.problems.shown_to_schemes import as_given
 from sepv.schemes import Scheme, by_name, guarded
 
-NAMES = ("a", "b", "d", "nu", "mu", "noise")
+PARAMETER_NAMES = ("a", "b", "d", "nu", "mu", "noise")
 # Six systems with parameters of all signs, the first one the paper's. They are few, with many steps
 # each, because sepv needs as much time to record a system as for a dozen steps.
-SYSTEMS = tuple(
-    NamedProblem("lotka-volterra", tuple((n, tuple(v)) for n, v in zip(NAMES, values, strict=True)))
+POSITIVE_SYSTEMS = tuple(
+    NamedProblem("lotka-volterra", tuple((n, tuple(v)) for n, v in zip(PARAMETER_NAMES, values, strict=True)))
     for values in (
         ([-2.0], [-1.0], [-0.5], [1.0], [2.0], [0.5]),
         ([1.0], [1.0], [1.0], [1.0], [-1.0], [1.0]),
@@ -36,12 +36,12 @@ SYSTEMS = tuple(
 )
 SPLITTINGS = {"lotka-volterra": "splitting", "random-lotka-volterra": "stochastic-splitting"}
 # Hypothesis strategies, built once for all tests (see `sepv.law.strategies`).
-_SYSTEMS, _SIGNS = st.sampled_from(SYSTEMS), st.sampled_from([1.0, -1.0])
+_POSITIVE_SYSTEMS, _STEP_SIGNS = st.sampled_from(POSITIVE_SYSTEMS), st.sampled_from([1.0, -1.0])
 _STATES = st.tuples(*[st.tuples(st.sampled_from([1.0, 1.5]), st.integers(-10, 2))] * 3)
 _NOISES = noises(least=1, most=3).filter(any)
 # A step that moves each y_i by less than SHORT_MOVE·y_i is far from leaving the domain.
 SHORT_MOVE = 0.125
-_LENGTHS, _SHARES = st.sampled_from([2.0, 1.0, 0.5, 0.125]), st.sampled_from([0.5, 0.0625])
+_STEP_LENGTHS, _STEP_SHARES = st.sampled_from([2.0, 1.0, 0.5, 0.125]), st.sampled_from([0.5, 0.0625])
 
 
 @st.composite
@@ -49,17 +49,17 @@ def lotka_volterra_steps(draw: st.DrawFn) -> Case:
     """Draw states with components from 2⁻¹⁰ to 6, and steps up to twice as long as an Euler step
     that reaches zero.
     """
-    data = draw(_SYSTEMS)
+    data = draw(_POSITIVE_SYSTEMS)
     y = tuple(size * 2.0**power for size, power in draw(_STATES))
     problem, state = as_given(data, "data"), np.array(y)
     c = problem.c.tolist()
     field = problem.structure(state) @ problem.gradient(state)
     rate = float(np.max(np.abs(field) / state))
-    length = draw(_LENGTHS) / max(rate, 1.0)
+    length = draw(_STEP_LENGTHS) / max(rate, 1.0)
     # After h, the first noise with c ≠ 0 gets the rest of the length, so that Δ has either sign.
-    h = length * draw(_SHARES)
+    h = length * draw(_STEP_SHARES)
     first = next(j for j, v in enumerate(c) if v)
-    rest = draw(_SIGNS) * length - h
+    rest = draw(_STEP_SIGNS) * length - h
     dW = tuple(rest / c[first] if j == first else 0.0 for j in range(len(c)))
     return Case(data, y, h, dW)
 
@@ -78,7 +78,7 @@ def species_steps(draw: st.DrawFn) -> Case:
     y = tuple(size * 2.0**power for size, power in draw(_STATES))
     problem, state = as_given(data, "data"), np.array(y)
     length = draw(st.sampled_from([4.0, 2.0, 1.0, 0.25]))
-    h = length * draw(_SHARES) / _rate(vector_field(problem, state), state)
+    h = length * draw(_STEP_SHARES) / _rate(vector_field(problem, state), state)
     shares = [draw(st.sampled_from([1.0, -1.0, 0.5, -0.25])) for _ in c]
     rates = [_rate(v * noise_field(problem, j, state), state) for j, v in enumerate(c)]
     dW = tuple(length * share / rate for share, rate in zip(shares, rates, strict=True))

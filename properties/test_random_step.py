@@ -63,7 +63,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 # Names of splits of Δ, each with the share of h that remains in h. The noise gets the rest.
-_SHARES = (
+_SPLITS = (
     ("half of h in the noise", 0.5),
     ("nearly all of h in the noise", 2.0**-10),
     ("all of h in the noise", 0.0),
@@ -80,7 +80,7 @@ def splits(problem: Problem, h: float, dW: Array) -> list[tuple[str, float, Arra
         return []
     j, delta, none = int(driven[-1]), float(problem.random_step(h, dW)), np.zeros_like(dW)
     pairs = []
-    for name, share in _SHARES:
+    for name, share in _SPLITS:
         moved = dW.copy()
         moved[j] += (1 - share) * h / c[j]
         pairs.append((name, share * h, moved))

@@ -38,7 +38,7 @@ from sepv.law import (
     searched,
     state_ulp,
 )
-from sepv.law.cases.classes import FAMILIES
+from sepv.law.cases.classes import NARROW_CLASSES
 from sepv.law.cases.commuting import of_actions
 from sepv.law.cases.fixed_cases import longest, many
 from sepv.law.cases.random_parts import coefficient
@@ -262,7 +262,7 @@ def _law(seen: list[tuple[Case, Measurement]], extra: Iterable[Case] = ()) -> La
             needs={
                 one_hamiltonian: "it is about the equation of (2.1), which several Hamiltonians do not have"
             },
-            fixed={systems: lambda: extra for systems in Systems if systems not in FAMILIES}
+            fixed={systems: lambda: extra for systems in Systems if systems not in NARROW_CLASSES}
             | {
                 Systems.SEVERAL: lambda: (*_critical(), *extra),
                 Systems.SINGLE: lambda: (*many(), *_flat(), *extra),

@@ -41,10 +41,10 @@ from sepv.law import (
 from sepv.problem import Array, Problem, Systems, vector_field
 from sepv.schemes import Scheme, ask
 
-# STEPS is the number of steps tested before the random search, SHOWN the number tried for a scheme
-# that does not claim *reference*. They are small, because an iteration without a solution takes
-# fifty times as long as one that converges.
-STEPS, SHOWN = 8, 8
+# FIRST_STEPS_TESTED is the number of steps tested before the random search, UNCLAIMED_STEPS_TRIED
+# the number tried for a scheme that does not claim *reference*. They are small, because an
+# iteration without a solution takes fifty times as long as one that converges.
+FIRST_STEPS_TESTED, UNCLAIMED_STEPS_TRIED = 8, 8
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
@@ -120,7 +120,7 @@ def _law(stages: int = 1) -> Law:
             why="nothing proves of the problems that a step has no solution",
             no_cases_of={Systems.HAMILTONIANS: "no steps are known by a formula to have no solution"},
             made={
-                systems: (STEPS, partial(made, systems=systems, stages=stages))
+                systems: (FIRST_STEPS_TESTED, partial(made, systems=systems, stages=stages))
                 for systems in CLASSES_WITH_FOLDS
             },
         ),
@@ -152,7 +152,7 @@ def _returned(scheme: Scheme, seed: int) -> str:
     seen: Counter[str] = Counter()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
-        steps = (made(Random(f"{seed} {n}"), scheme.systems) for n in range(SHOWN))
+        steps = (made(Random(f"{seed} {n}"), scheme.systems) for n in range(UNCLAIMED_STEPS_TRIED))
         for problem, y, h, dW in (case.build() for case in taken_by(scheme, steps)):
             try:
                 seen[_named(problem, y, h, dW, ask(scheme, problem, y, h, dW))] += 1
@@ -160,7 +160,7 @@ def _returned(scheme: Scheme, seed: int) -> str:
                 seen["a refusal"] += 1
             except SepvError as error:
                 seen[f"{type(error).__name__}: {str(error).splitlines()[0]:.70}"] += 1
-    return f"at {SHOWN} steps without a solution of (2.1) came: " + ", ".join(
+    return f"at {UNCLAIMED_STEPS_TRIED} steps without a solution of (2.1) came: " + ", ".join(
         f"{what} ({n})" for what, n in seen.most_common()
     )
 

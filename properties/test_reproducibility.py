@@ -14,13 +14,13 @@ from sepv.schemes import Scheme, ask
 # Sizes of parts of a batch. Libraries change their code path near the widths of vector registers
 # and unrolled loops, so these sizes differ; a further part has as many states as y has components.
 # Some cases have batches of thousands.
-PARTS = (2, 7, 24)
+BATCH_PARTS = (2, 7, 24)
 # In these batches every second state is multiplied by a power of two, down to 2⁻²⁰: iterations that
 # stop by the largest state of a batch then stop too early for small states.
 SCALE_EXPONENTS = 21
 # From this d on NumPy sums a single row in another order than the rows of a batch. Newton's last
-# correction hides most of the differences, so ALONE states are stepped alone.
-LONG_SUMS, ALONE = 9, 16
+# correction hides most of the differences, so STEPS_ALONE states are stepped alone.
+LONG_SUMS, STEPS_ALONE = 9, 16
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
@@ -34,7 +34,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     alone = ask(scheme, problem, y, h, dW)
     worst = Measurement(0.0, 0.0)
     first = _beside_a_power(case.batch)
-    for sizes in ((1,), (first, case.batch - first) if case.batch else (len(y), *PARTS)):
+    for sizes in ((1,), (first, case.batch - first) if case.batch else (len(y), *BATCH_PARTS)):
         size = sum(sizes)
         place = size // 2
         # Other states are nearer to 0 than y, with smaller noise, so that their steps have
@@ -49,7 +49,9 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         batch = ask(scheme, problem, states, h, noise)
         others = {"alone": ([place], alone[:, None])}
         if size > 1 and len(y) >= LONG_SUMS:
-            single = [ask(scheme, problem, states[:, k], h, noise[:, k]) for k in range(min(ALONE, size))]
+            single = [
+                ask(scheme, problem, states[:, k], h, noise[:, k]) for k in range(min(STEPS_ALONE, size))
+            ]
             others["alone, one by one"] = list(range(len(single))), np.stack(single, axis=1)
         if size > 1:
             ends = np.cumsum(sizes)

@@ -35,8 +35,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     return measured(scheme, case, rho)
 
 
-_HALVES = "a half of y stands for the momenta, and the class has no such half"
-_ORDER = "paths of several noises are reversed with their order in time"
+_NO_MOMENTA = "a half of y stands for the momenta, and the class has no such half"
+_IN_THEIR_ORDER = "paths of several noises are reversed with their order in time"
 law = searched(
     name="reversibility",
     statement="ρΦ(ρΦ(y0)) = y0 if the reversal ρ of momenta reverses the exact flow",
@@ -51,8 +51,8 @@ law = searched(
         adapt=reversible,
         why="H or B of the problems changes with the sign of the momenta, or nothing tells which half of y they are",
         instead={Systems.SINGLE: Systems.MECHANICAL},
-        no_cases_of={Systems.NAMBU: _HALVES},
-        needs={one_field: _ORDER},
+        no_cases_of={Systems.NAMBU: _NO_MOMENTA},
+        needs={one_field: _IN_THEIR_ORDER},
     ),
     check=check,
 )

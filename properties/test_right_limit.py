@@ -5,13 +5,14 @@ The error is projected on the directions in which y(T) moves if the limit has to
 or Itô's correction. This gives the share by which each of these is wrong. Shares are extrapolated
 to h = 0 from three step sizes. Their confidence intervals are widened by the change of a share if
 the coarsest step size is left out. The law holds if with confidence the shares of drift and noise
-are less than RESOLUTION and the rms error falls with h. It is violated if a share differs from zero
-by more than LEAST_SHARE, or if neither the rms error nor a quantile of the error falls.
+are less than LIMIT_RESOLUTION and the rms error falls with h. It is violated if a share differs
+from zero by more than LIMIT_MIN_SHARE, or if neither the rms error nor a quantile of the error
+falls.
 
 A strong noise c hides the drift: if f has the slope L, the drift moves y by 1/(c√L) times as much
 as the noise does. If the drift causes less than 1/COARSE_DRIFT_RATIO of all movement, it may
-therefore be wrong by RESOLUTION/COARSE_DRIFT_RATIO of all movement. The law "local-mean" judges the
-drift alone. Movements by rounding alone are not judged.
+therefore be wrong by LIMIT_RESOLUTION/COARSE_DRIFT_RATIO of all movement. The law "local-mean"
+judges the drift alone. Movements by rounding alone are not judged.
 """
 
 from __future__ import annotations
@@ -29,12 +30,12 @@ from sepv.law import Effort, Finding, Law, Run, Verdict, require
 from sepv.problem import Array, Problem, column
 from sepv.schemes import Scheme, order_of
 
-# An error by the share RESOLUTION of drift or noise must be detected; SPARED if the scheme takes
-# one state at a time.
-RESOLUTION, SPARED = 0.01, 0.02
+# An error by the share LIMIT_RESOLUTION of drift or noise must be detected; SPARED_RESOLUTION if
+# the scheme takes one state at a time.
+LIMIT_RESOLUTION, SPARED_RESOLUTION = 0.01, 0.02
 # A smaller share is no violation, because powers of h that the extrapolation neglects could cause
 # it.
-LEAST_SHARE = 0.001
+LIMIT_MIN_SHARE = 0.001
 # The least order of the rms error: half-way between order ½ and 0, the order of a scheme with a
 # wrong limit.
 LEAST_ORDER = 0.25
@@ -43,7 +44,9 @@ LEAST_ORDER = 0.25
 COARSE_DRIFT_RATIO = 4.0
 
 
-def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: float = RESOLUTION) -> Assess:
+def assessing(
+    tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: float = LIMIT_RESOLUTION
+) -> Assess:
     """Make the test of a limit: the shares and the fall of the error have the error probability
     alpha/2 each.
 
@@ -74,7 +77,7 @@ def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: floa
         half, off = limit.half(alpha / 2, more), np.abs(limit.value)
         sure, most = off - half - limit.remainder, off + half + limit.remainder
         hidden, rounding = _hidden(names, sizes), np.max(floors(errors)) / sizes
-        least = np.maximum(LEAST_SHARE * hidden, rounding)
+        least = np.maximum(LIMIT_MIN_SHARE * hidden, rounding)
         falls = stays = False
         if above_floor(errors).sum() >= 2:
             _, low, high = mean_square_order(errors, alpha / 2, more=more, weighted=tilted)
@@ -136,7 +139,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     shares in powers of h^½, which contradict its right limit if they are extrapolated in powers
     of h.
     """
-    resolution = SPARED if sparing(scheme, this_run.effort) else RESOLUTION
+    resolution = SPARED_RESOLUTION if sparing(scheme, this_run.effort) else LIMIT_RESOLUTION
     orders = mean_orders(scheme)
     assess = assessing(is_tilted(scheme), orders, resolution)
     confirm = assessing(is_tilted(scheme), (*orders, 0.5), resolution)

@@ -8,15 +8,16 @@ Let D be the defect of H after n steps in ulp of H, and w the change of H in a s
 the rounding of this sum alone. So w√n is the predicted random walk (`sepv.law.tolerance`). Three
 quantities are judged:
 
-- size: the root mean square of D over paths is at most ALLOWED·w√n at every checkpoint;
-- drift: the mean of D over P paths is at most BIAS·w·n plus Student's t of level LEVEL times the
+- size: the root mean square of D over paths is at most ALLOWED_WALK·w√n at every checkpoint;
+- drift: the mean of D over P paths is at most ALLOWED_BIAS·w·n plus Student's t of level
+ROUNDING_LEVEL times the
   standard error of the mean, which is the larger of the sample's and w√(n/P);
 - growth: the mean of D²/n at the last checkpoint is at most q times its value at the first
-  checkpoint, or q w² if that is larger, with the quantile q of level LEVEL of Fisher's F with
-  (P, P) degrees of freedom.
+  checkpoint, or q w² if that is larger, with the quantile q of level ROUNDING_LEVEL of Fisher's F
+  with (P, P) degrees of freedom.
 
-If D is a sum of independent roundings, drift and growth fail with probability at most LEVEL each in
-each of four runs, and so with less than 1e-6 in all.
+If D is a sum of independent roundings, drift and growth fail with probability at most
+ROUNDING_LEVEL each in each of four runs, and so with less than 1e-6 in all.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from sepv.properties._failed_step import failed_step
 from sepv.properties._longest_step import divisor
 from sepv.properties._orders.local_errors import two_noises
 from sepv.properties._problems_of import as_taken, problems_of, units_for
-from sepv.properties._sampled import sparing
+from sepv.properties._sampled import DEEP_EXAMPLES, DEEPER, sparing
 from sepv.reference.problem import exact_problem
 
 from sepv import problems
@@ -50,42 +51,39 @@ from sepv.simulate import Carried, Watch, advance, wiener
 from sepv.simulate import truncation as bounded
 from sepv.statistics import fishers_f, students_t
 
-PATHS = 60
+ROUNDING_PATHS = 60
 # (problem, h, steps): two long runs; one with large steps, which show a solver that stops early;
 # one with B(y) and a quartic H, because some errors cancel if B or H is simple. The smallest
 # visible drift depends on paths times steps.
-TOP = ("quartic-top", 2.0**-5, 128)
-RUNS = (("rigid-body", 0.01, 256), ("pendulum", 0.01, 256), ("rigid-body", 0.125, 128), TOP)
+TOP_RUN = ("quartic-top", 2.0**-5, 128)
+PROBLEM_RUNS = (("rigid-body", 0.01, 256), ("pendulum", 0.01, 256), ("rigid-body", 0.125, 128), TOP_RUN)
 # Runs (problem, h, steps) of schemes for Nambu systems.
-NAMBU_RUNS = (RUNS[0], ("lotka-volterra", 2.0**-8, 256), RUNS[2])
+NAMBU_RUNS = (PROBLEM_RUNS[0], ("lotka-volterra", 2.0**-8, 256), PROBLEM_RUNS[2])
 # Runs (problem, h, steps) of schemes for several structures.
 SEVERAL_RUNS = (("commuting-rotations", 0.01, 256), ("commuting-oscillators", 0.01, 256))
-# With at least DEEP_EXAMPLES examples a law (option `--deep`), runs have DEEPER times as many
-# steps.
-DEEPER, DEEP_EXAMPLES = 8, 1000
 # The number of paths for a scheme that takes one state at a time. Each problem then has one run, of
 # half the steps and the largest h. Paths times steps fall from 46,080 to 7,168, and the smallest
 # visible drift is 2.1 times as large.
-SPARED_PATHS = 28
-FIRST = 32  # the number of steps of the first checkpoint; each later one has twice as many
+SPARED_ROUNDING_PATHS = 28
+FIRST_CHECKPOINT = 32  # the number of steps of the first checkpoint; each later one has twice as many
 # The allowed root mean square of D, as a multiple of the predicted walk w√n (`sepv.law.tolerance`).
 # Schemes of sepv are at 1, which 60 paths measure to 9 %. The factor allows for other orders of
 # operations, with up to a hundred roundings of y in a step.
-ALLOWED = 10.0
+ALLOWED_WALK = 10.0
 # The allowed mean change of H in a step of a correct scheme, as a share of w: rounding to nearest
 # is slightly biased, and an iteration has a residual. In 10⁸ steps this share is 7e-4 for the
 # pendulum, else less (docs/long-times.md).
-BIAS = 2.0**-6
+ALLOWED_BIAS = 2.0**-6
 # The probability with which each test of drift or growth rejects independent roundings.
-LEVEL = 1e-7
-# If the noises change the random time by less than ALIKE times the time itself, paths start from
-# states spread over SPREAD units of time of the orbit. Over a short piece of an orbit roundings of
-# a correct scheme need not average out (Kepler near its pericentre: 0.09 w a step), and without
-# noise all paths would be equal.
-ALIKE, SPREAD = 0.25, 256
-# Defects are cut off at BEYOND, so that squares stay finite. Roundings above EXPLODED (exploding
-# paths) do not count.
-BEYOND, EXPLODED = 1e150, 1e100
+ROUNDING_LEVEL = 1e-7
+# If the noises change the random time by less than ALIKE_TIMES times the time itself, paths start
+# from states spread over SPREAD_STATES units of time of the orbit. Over a short piece of an orbit
+# roundings of a correct scheme need not average out (Kepler near its pericentre: 0.09 w a step),
+# and without noise all paths would be equal.
+ALIKE_TIMES, SPREAD_STATES = 0.25, 256
+# Defects are cut off at DEFECT_CUT, so that squares stay finite. Roundings above EXPLODED_ROUNDING
+# (exploding paths) do not count.
+DEFECT_CUT, EXPLODED_ROUNDING = 1e150, 1e100
 # If the operations of H cannot be recorded, H is computed in binary64 at worst. The law then needs
 # an error below UNRECORDED_MAX_ULP ulp of H, which a constant in H, or terms that cancel, may
 # exceed.
@@ -96,14 +94,16 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     """Judge size, drift and growth of the energy defects of all runs,
     in ulp of H over √n after n steps.
     """
-    judged: list[Judged] = []
+    judged: list[JudgedRounding] = []
     effort = this_run.effort
     lines, broken, skipped, checks = [], [], [], 0
     ratio = scheme.eps / EPS  # the scheme's rounding relative to that of binary64
     watch = watching(this_run, scheme)
     deeper = DEEPER if effort.examples >= DEEP_EXAMPLES else 1
     spared = sparing(scheme, effort)
-    paths, runs = (SPARED_PATHS, _fewer(runs_for(scheme))) if spared else (PATHS, runs_for(scheme))
+    paths, runs = (
+        (SPARED_ROUNDING_PATHS, _fewer(runs_for(scheme))) if spared else (ROUNDING_PATHS, runs_for(scheme))
+    )
     for problem, h, usual in runs:
         size = h if scheme.longest_step is None else h / divisor(scheme, problem, h)
         label, steps = f"{problem.name}, h = {size:g}", usual * deeper
@@ -126,7 +126,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         lines.append(f"{label}, {steps} steps: " + ", ".join(r.text for r in judgement) + lost)
     if not judged and not broken:
         return law.finding(Verdict.NOT_APPLICABLE, message="\n".join(skipped))
-    worst = max(judged, key=lambda r: r.size / r.allowed, default=Judged("", 0.0, 1.0, ""))
+    worst = max(judged, key=lambda r: r.size / r.allowed, default=JudgedRounding("", 0.0, 1.0, ""))
     verdict = Verdict.ERROR if broken else Verdict.HOLDS
     finding = law.finding(
         verdict if worst.size <= worst.allowed else Verdict.VIOLATED,
@@ -140,7 +140,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     return finding if ratio == 1 else replace(finding, unit=f"{law.unit}, float32")
 
 
-class Judged(NamedTuple):
+class JudgedRounding(NamedTuple):
     """A judged quantity (size, drift or growth) in ulp of H over √n after n steps, and its
     limit.
     """
@@ -151,39 +151,39 @@ class Judged(NamedTuple):
     text: str
 
 
-def judge(defects: Array, predicted: float, solver_tolerance: float = 0.0) -> list[Judged]:
-    """Judge size, drift and growth of energy defects (checkpoints, paths) after FIRST, 2·FIRST,
-    4·FIRST, … steps.
+def judge(defects: Array, predicted: float, solver_tolerance: float = 0.0) -> list[JudgedRounding]:
+    """Judge size, drift and growth of energy defects (checkpoints, paths) after FIRST_CHECKPOINT,
+    2·FIRST_CHECKPOINT, 4·FIRST_CHECKPOINT, … steps.
 
     A solver's stated tolerance, relative to |y|, may change H by `solver_tolerance` |∇H||y| a step
     in one direction.
     """
     paths = defects.shape[1]
-    n = FIRST * 2.0 ** np.arange(len(defects))
+    n = FIRST_CHECKPOINT * 2.0 ** np.arange(len(defects))
     last, root = float(n[-1]), float(np.sqrt(n[-1]))
     stated = solver_tolerance / EPS * root
     rms = np.sqrt(np.mean(defects**2, axis=1) / n)
     largest = float(np.max(rms))
-    size = Judged(
+    size = JudgedRounding(
         "size",
         largest,
-        ALLOWED * predicted + stated + TINY,
+        ALLOWED_WALK * predicted + stated + TINY,
         f"at most {largest:.3g} ulp of H per √n, predicted {predicted:.3g}",
     )
     mean = float(np.mean(defects[-1]))
     error = max(float(np.std(defects[-1], ddof=1)), predicted * root) / np.sqrt(paths)
-    allowed = BIAS * predicted * last + students_t(LEVEL / 2, paths - 1) * error
-    drift = Judged(
+    allowed = ALLOWED_BIAS * predicted * last + students_t(ROUNDING_LEVEL / 2, paths - 1) * error
+    drift = JudgedRounding(
         "drift",
         abs(mean) / root,
         allowed / root + stated + TINY,
         f"mean at the end {mean / (error + TINY):+.1f} standard errors",
     )
     before = max(float(rms[0]), predicted)
-    growth = Judged(
+    growth = JudgedRounding(
         "growth",
         float(rms[-1]),
-        before / fishers_f(LEVEL, paths) ** 0.5 + stated + TINY,
+        before / fishers_f(ROUNDING_LEVEL, paths) ** 0.5 + stated + TINY,
         f"growth n^{np.polyfit(np.log(n), np.log(rms * np.sqrt(n) + 1e-300), 1)[0]:.2f}",
     )
     return [size, growth, drift]
@@ -202,11 +202,14 @@ def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
         raise Skipped(NOT_KEPT)
     if users is None:
         runs: dict[str, Any] = {Systems.NAMBU: NAMBU_RUNS, Systems.SEVERAL: SEVERAL_RUNS}
-        names, *lengths = zip(*runs.get(scheme.systems, RUNS), strict=True)
+        names, *lengths = zip(*runs.get(scheme.systems, PROBLEM_RUNS), strict=True)
         return list(zip(as_taken(scheme, map(_named, names)), *lengths, strict=True))
     share = max(1, -(-len(users) // 2))
-    # Numbers of steps are FIRST times a power of two, so that the last step is a checkpoint.
-    long, short = (FIRST * 2 ** max(1, int(np.log2(steps / FIRST / share))) for steps in (256, 128))
+    # Numbers of steps are FIRST_CHECKPOINT times a power of two, so that the last step is a
+    # checkpoint.
+    long, short = (
+        FIRST_CHECKPOINT * 2 ** max(1, int(np.log2(steps / FIRST_CHECKPOINT / share))) for steps in (256, 128)
+    )
     times = [units_of(p).time for p in users]
     return [
         (p, share * t, n)
@@ -216,20 +219,20 @@ def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
 
 
 def _named(name: str) -> Problem:
-    return two_noises() if name == TOP[0] else problems.by_name(name)
+    return two_noises() if name == TOP_RUN[0] else problems.by_name(name)
 
 
 def _fewer(runs: list[tuple[Problem, float, int]]) -> list[tuple[Problem, float, int]]:
     """Keep only the last run of each problem, which has the largest h,
     and halve its number of steps.
     """
-    last = {problem.name: (problem, h, max(2 * FIRST, steps // 2)) for problem, h, steps in runs}
+    last = {problem.name: (problem, h, max(2 * FIRST_CHECKPOINT, steps // 2)) for problem, h, steps in runs}
     return list(last.values())
 
 
 @lru_cache(maxsize=16)
 def _spread(problem: Problem, paths: int) -> Array:
-    """Compute P = `paths` states (d, P) along the drift's flow over SPREAD units of time,
+    """Compute P = `paths` states (d, P) along the drift's flow over SPREAD_STATES units of time,
     to six digits.
 
     If the flow ends early, the states are near the initial state. If one leaves the domain, all are
@@ -237,7 +240,7 @@ def _spread(problem: Problem, paths: int) -> Array:
     """
     from scipy.integrate import solve_ivp  # takes half a second; only users' problems need it
 
-    start, end = np.array(problem.initial, dtype=np.float64), SPREAD * units_of(problem).time
+    start, end = np.array(problem.initial, dtype=np.float64), SPREAD_STATES * units_of(problem).time
     share = np.arange(paths) / paths
     near = 1e-6 * float(np.max(np.abs(start)))
 
@@ -278,7 +281,7 @@ def escaping(problem: Problem, dW: Array, h: float) -> str:
 
 
 def energy_walk(
-    scheme: Scheme, problem: Problem, h: float, steps: int, seed: int, paths: int = PATHS,
+    scheme: Scheme, problem: Problem, h: float, steps: int, seed: int, paths: int = ROUNDING_PATHS,
     watch: Watch | None = None,
 ) -> tuple[np.ndarray, float, str]:  # fmt: skip
     """Return energy defects (checkpoints, paths), the change of H by a step's rounding,
@@ -291,14 +294,14 @@ def energy_walk(
     dW = _increments(scheme, problem, h, steps, seed, paths)
     y0 = np.array(problem.initial, dtype=np.float64)
     y = np.repeat(y0[:, None], paths, axis=1)
-    if (scheme.problems or not problem.noises) and float(problem.c.sum()) < ALIKE * np.sqrt(h * steps):
+    if (scheme.problems or not problem.noises) and float(problem.c.sum()) < ALIKE_TIMES * np.sqrt(h * steps):
         y = _spread(problem, paths).copy()
     H0, unit = [exact.hamiltonian(exact.state(start)) for start in y.T], float(energy_ulp(problem, y0, y0))
     if exact.uncertainty(y0) > UNRECORDED_MAX_ULP * unit:
         raise Skipped("the code of H hides its operations, and rounds it by more than H may change")
     rows: list[np.ndarray] = []
     carried = Carried(scheme)
-    alive, checkpoint, failed = np.arange(paths), FIRST, ""
+    alive, checkpoint, failed = np.arange(paths), FIRST_CHECKPOINT, ""
     # `spent` sums variances of a path's roundings; `widths` has their root mean square per step at
     # each checkpoint.
     spent, widths = np.zeros(paths), []
@@ -324,7 +327,7 @@ def energy_walk(
             row = np.full(paths, np.nan)
             for k in alive:
                 defect = float(exact.hamiltonian(exact.state(y[:, k])) - H0[k]) / unit
-                row[k] = max(-BEYOND, min(BEYOND, defect))
+                row[k] = max(-DEFECT_CUT, min(DEFECT_CUT, defect))
             rows.append(row)
             width = np.full(paths, np.nan)
             width[alive] = np.sqrt(spent[alive] / n) / unit
@@ -344,9 +347,11 @@ def in_own_roundings(defects: Array, widths: Array) -> tuple[Array, float]:
     path's width is still normal.
     """
     alive = np.isfinite(widths)
-    known = np.where(alive & (widths < EXPLODED), widths, 0.0)  # an exploding path does not raise its limit
+    known = np.where(
+        alive & (widths < EXPLODED_ROUNDING), widths, 0.0
+    )  # an exploding path does not raise its limit
     common = float(np.sqrt(np.sum(known**2) / max(1, np.count_nonzero(alive))))
-    own = np.where(known > 0, np.maximum(known, common / SPREAD), common)
+    own = np.where(known > 0, np.maximum(known, common / SPREAD_STATES), common)
     return (defects * (common / own) if common else defects), common
 
 

@@ -8,15 +8,15 @@ The scheme must use the increments that it declares: at every h its step must re
 ΔW_j in every sixteenth of [−√h A_h, 0] and [0, √h A_h]. Of these the innermost, the outermost
 and one more are tested. The response |∂y1/∂ΔW_j| of y1 = y0 + Δf + ½Δ²f′f + O(Δ³) is c_j|f|(1 ±
 x), x = L(h + c_j√h A_h) with L ≥ |f′|. So the largest is at most (1 + x)/(1 − x) times the
-smallest, 1.3 for x ≤ REACH, and 2 is allowed. If a scheme itself clips at less than 31/32 of
-A_h, that is with k′ < 0.93 k, its response in the outermost sixteenth is less than half of the
+smallest, 1.3 for x ≤ INCREMENT_REACH, and 2 is allowed. If a scheme itself clips at less than 31/32
+of A_h, that is with k′ < 0.93 k, its response in the outermost sixteenth is less than half of the
 largest.
 
-Step sizes h are drawn from 2⁻⁶⁰ to ½. If x > REACH, H is divided by a number
+Step sizes h are drawn from 2⁻⁶⁰ to ½. If x > INCREMENT_REACH, H is divided by a number
 (`sepv.properties._orders.any_step`). For users' problems and an H that is no polynomial data, the
-range of h ends at x = REACH instead. There h, also in A_h, is in the problem's own unit of time. A
-scheme that clips by h without this unit is judged only up to its clip. Responses below a solver's
-possible error are not judged.
+range of h ends at x = INCREMENT_REACH instead. There h, also in A_h, is in the problem's own unit
+of time. A scheme that clips by h without this unit is judged only up to its clip. Responses below a
+solver's possible error are not judged.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from sepv.properties._orders.any_step import scaled
 from sepv.properties._orders.local_errors import problems_for
-from sepv.properties._orders.local_orders import CLEAR, FLOOR
+from sepv.properties._orders.local_orders import SOLVER_CLEAR, SOLVER_FLOOR
 from sepv.properties._problems_of import units_for
 from sepv.reference.increments import lost_variance, moment, truncated_moment
 
@@ -41,11 +41,11 @@ from sepv.schemes import Scheme, ask, point_law, takes
 from sepv.simulate import truncation as bounded
 from sepv.simulate import wiener
 
-STEPS = tuple(2.0**-n for n in range(1, 21))
+TRUNCATION_STEPS = tuple(2.0**-n for n in range(1, 21))
 # The number of step sizes for each noise, and their range in units of time. No two noises have the
 # same step sizes.
-SIZES, SMALLEST, LARGEST = 11, 2.0**-60, 0.5
-PARTS, REACH = 16, 1 / 8
+SIZES_OF_NOISE, TRUNCATION_MIN, TRUNCATION_MAX = 11, 2.0**-60, 0.5
+INCREMENT_PARTS, INCREMENT_REACH = 16, 1 / 8
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
@@ -71,7 +71,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
             witness={"truncation": k},
         )
     worst, checks = (0.0, 1.0, ""), 0
-    for h in STEPS:
+    for h in TRUNCATION_STEPS:
         for ratio, text in _ratios(h, k, this_run.effort.seed):
             checks += 1
             if not ratio <= worst[0]:
@@ -124,16 +124,20 @@ def _responses(scheme: Scheme, k: int, seed: int) -> Iterator[tuple[float, str]]
     skipped: list[Skipped] = []
     problems, rng = problems_for(scheme), np.random.default_rng((seed, 2))
     count = sum(np.count_nonzero(problem.c) for problem in problems)
-    # Each noise has one h in each of SIZES parts of the range. Within a part, no two noises have
-    # the same place.
-    places = rng.permuted(np.tile(np.arange(count), (SIZES, 1)), axis=1) + rng.random((SIZES, count))
-    shares = iter(((np.arange(SIZES)[:, None] + places / count) / SIZES).T)
+    # Each noise has one h in each of SIZES_OF_NOISE parts of the range. Within a part, no two
+    # noises have the same place.
+    places = rng.permuted(np.tile(np.arange(count), (SIZES_OF_NOISE, 1)), axis=1) + rng.random(
+        (SIZES_OF_NOISE, count)
+    )
+    shares = iter(((np.arange(SIZES_OF_NOISE)[:, None] + places / count) / SIZES_OF_NOISE).T)
     for problem in problems:
         drawn = [next(shares) for _ in range(np.count_nonzero(problem.c))]
         try:
             for j, share in zip(np.flatnonzero(problem.c), drawn, strict=True):
                 for posed, h, A in _steps(scheme, problem, int(j), k, share):
-                    found = _weakest(scheme, posed, h, A, int(j), int(rng.integers(1 - PARTS, PARTS)))
+                    found = _weakest(
+                        scheme, posed, h, A, int(j), int(rng.integers(1 - INCREMENT_PARTS, INCREMENT_PARTS))
+                    )
                     if found is None:
                         continue
                     size, place = found
@@ -164,12 +168,14 @@ def _steps(
     def reach(h: float) -> float:
         return float(slope * (h + problem.c[j] * math.sqrt(h) * clip(h)))
 
-    low, high = SMALLEST * time, LARGEST * time
+    low, high = TRUNCATION_MIN * time, TRUNCATION_MAX * time
     given = bool(scheme.problems) or not isinstance(problem.data, PolynomialSystem)
-    while given and reach(high) > REACH:
+    while given and reach(high) > INCREMENT_REACH:
         high /= 2
     for h in low * (high / low) ** shares:
-        posed = scaled(problem, 1.0 if given else min(1.0, 2.0 ** math.floor(math.log2(REACH / reach(h)))))
+        posed = scaled(
+            problem, 1.0 if given else min(1.0, 2.0 ** math.floor(math.log2(INCREMENT_REACH / reach(h))))
+        )
         assert posed is not None
         yield posed, float(h), clip(h)
 
@@ -183,9 +189,19 @@ def _weakest(
     None if the scheme refuses such steps, or if all responses are below its possible error, as at a
     rest point.
     """
-    edges = {-PARTS, 1 - PARTS, -1, 0, 1, PARTS - 1, PARTS, between, between + 1}
+    edges = {
+        -INCREMENT_PARTS,
+        1 - INCREMENT_PARTS,
+        -1,
+        0,
+        1,
+        INCREMENT_PARTS - 1,
+        INCREMENT_PARTS,
+        between,
+        between + 1,
+    }
     number = np.array(sorted(edges))
-    xi = A * number / PARTS
+    xi = A * number / INCREMENT_PARTS
     y = np.repeat(np.asarray(problem.initial, dtype=np.float64)[:, None], xi.size, axis=1)
     dW = np.zeros((problem.noises, xi.size))
     dW[j] = np.sqrt(h) * xi
@@ -197,7 +213,7 @@ def _weakest(
         ends = np.stack([ask(scheme, problem, y[:, i], h, dW[:, i]) for i in range(xi.size)], axis=1)
     parts = np.flatnonzero(np.diff(number) == 1)
     responses = np.linalg.norm(np.diff(ends, axis=1), axis=0)[parts]
-    if np.max(responses) <= CLEAR * (FLOOR * EPS + scheme.precision) * np.max(np.abs(ends)):
+    if np.max(responses) <= SOLVER_CLEAR * (SOLVER_FLOOR * EPS + scheme.precision) * np.max(np.abs(ends)):
         return None
     least = int(np.argmin(responses))
     with np.errstate(divide="ignore", invalid="ignore"):

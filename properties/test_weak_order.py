@@ -50,7 +50,7 @@ from sepv.schemes import Scheme, has_memory, order_of, point_law
 REST_WORDS = "is left"
 # Half the distance between weak orders, which are integers, because the expansion of means is in
 # powers of h.
-MARGIN = 0.5
+WEAK_MARGIN = 0.5
 # A mean counts as small below this share of the rms error. For the schemes of weak order 1 here it
 # is 0.2 to 0.5.
 SMALL_MEAN_SHARE = 0.15
@@ -58,10 +58,10 @@ SMALL_MEAN_SHARE = 0.15
 STRONG_MARGIN = 0.25
 # The smallest part of order q − 1 that counts, relative to the largest mean at the finest step. If
 # the part of order q happens to vanish, the error of extrapolation exceeds its remainder (0.009
-# with hardly any noise, when c h³ remains). If means fall more slowly than the order less MARGIN,
-# the part is 0.8 or more.
+# with hardly any noise, when c h³ remains). If means fall more slowly than the order less
+# WEAK_MARGIN, the part is 0.8 or more.
 LEAST_PART = 1 / 32
-_RANKS = (Verdict.VIOLATED, Verdict.ERROR, Verdict.INCONCLUSIVE, Verdict.HOLDS, Verdict.NOT_APPLICABLE)
+_WEAK_RANKS = (Verdict.VIOLATED, Verdict.ERROR, Verdict.INCONCLUSIVE, Verdict.HOLDS, Verdict.NOT_APPLICABLE)
 
 
 def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
@@ -71,7 +71,7 @@ def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
         order = order_of(claimed, column(problem))
-        bound = order - MARGIN
+        bound = order - WEAK_MARGIN
         if not above_floor(errors).any():
             text = "errors at the rounding floor at every step size"
             return Assessment(Verdict.HOLDS, math.inf, math.inf, math.inf, bound, text, order)
@@ -119,7 +119,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     if point_law(scheme.increments) is not None:
         return local_orders.judge(
             law, scheme, this_run, lambda errors: errors.weak, lambda _: order,
-            lambda _, order: order - MARGIN,
+            lambda _, order: order - WEAK_MARGIN,
             1.0, tree_errors, LEAST_RESOLUTIONS,
         )  # fmt: skip
     setups = setups_for(scheme, this_run.effort)
@@ -130,7 +130,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     built = {setup.build(): errors for setup, errors in known.items()}
     found = local_orders.judge(
         law, scheme, this_run, lambda errors: errors.weak,
-        lambda _: order_of(scheme.weak_order, "additive"), lambda _, order: order - MARGIN,
+        lambda _: order_of(scheme.weak_order, "additive"), lambda _, order: order - WEAK_MARGIN,
         1.0, lambda _scheme, problem, _run: built[problem], LEAST_SIZES, problems=built,
     )  # fmt: skip
     if found.verdict is Verdict.VIOLATED or not rest:
@@ -146,7 +146,7 @@ def _joined(*findings: Finding) -> Finding:
 
     def rank(finding: Finding) -> tuple[int, float]:
         apart = (finding.defect or math.inf) - (finding.bound or 0.0)
-        return _RANKS.index(finding.verdict), apart
+        return _WEAK_RANKS.index(finding.verdict), apart
 
     witness: dict[str, Any] = {}
     for finding in findings:

@@ -17,12 +17,12 @@ from typing import NamedTuple
 from sepv.reference.arithmetic import Vector
 from sepv.reference.equations import Equation, Step, make_step
 from sepv.reference.problem import Description, ExactProblem, binary64_problem
-from sepv.reference.solve import BROKEN, CertifiedRoot, largest, newton
+from sepv.reference.solve import FLOAT_ERRORS, CertifiedRoot, largest, newton
 
-_FIRST, _LEAST = 1 / 16, 1e-14
+_FIRST_PART, _LEAST_PART = 1 / 16, 1e-14
 # A solution that moves by more than this fraction of its size in one step of t may lie on another
 # branch.
-_JUMP = 0.05
+_JUMP_SHARE = 0.05
 
 
 class BranchEnd(NamedTuple):
@@ -52,8 +52,8 @@ def follow(
     y0, whole = problem.state(y), make_step(problem, h, tuple(dW))
     x = [0.0] * (len(y0) * equation.blocks) if equation.of_increments else list(y0)
     scale = largest(y0) or 1.0
-    reached, width = 0.0, _FIRST
-    while reached < 1.0 and width > _LEAST * max(reached, 1e-3):
+    reached, width = 0.0, _FIRST_PART
+    while reached < 1.0 and width > _LEAST_PART * max(reached, 1e-3):
         t = min(1.0, reached + width)
         point = _at(
             equation, problem, y0, Step(*(t * v for v in whole[:3]), tuple(t * w for w in whole.dW)), x, scale
@@ -75,9 +75,9 @@ def _at(
     residual = equation.residual
     try:
         root = newton(lambda z: residual(problem, y0, step, z), x, scale, problem.arithmetic, 1e-12, most=8)
-    except BROKEN:
+    except FLOAT_ERRORS:
         return None
     if not isinstance(root, CertifiedRoot) or not problem.inside(equation.result(problem, y0, step, root.x)):
         return None
     moved = largest([a - b for a, b in zip(root.x, x, strict=True)])
-    return root.x if moved <= _JUMP * max(scale, largest(root.x)) else None
+    return root.x if moved <= _JUMP_SHARE * max(scale, largest(root.x)) else None

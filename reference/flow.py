@@ -16,7 +16,7 @@ from sepv.reference.arithmetic import Vector, context, decimal
 from sepv.reference.balls import ball, precision, real_balls, require_flint
 from sepv.reference.problem import Description, ExactProblem, exact_problem, in_arithmetic
 from sepv.reference.series import solution_series
-from sepv.reference.solve import BROKEN
+from sepv.reference.solve import FLOAT_ERRORS
 from sepv.reference.steps import require_digits
 from sepv.reference.tableau import horner
 
@@ -59,7 +59,7 @@ def taylor(data: Description, y: Sequence[float], theta: float, digits: int = 50
         try:
             coefficients = solution_series(data, arithmetic, state, order)
             step = _step(ctx, coefficients, order)
-        except BROKEN as error:
+        except FLOAT_ERRORS as error:
             raise _not_reached(theta, float(left), str(error)) from error
         if step is None or step >= abs(left):
             step, left = left, ctx.zero

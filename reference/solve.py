@@ -23,7 +23,7 @@ _NEWTON = 60
 _CHORD = 40
 _LEAST_DAMPING = 2.0**-40
 # Exceptions of a float computation: overflow, division by zero, a logarithm out of its domain.
-BROKEN = (ArithmeticError, ValueError)
+FLOAT_ERRORS = (ArithmeticError, ValueError)
 
 
 class Failure(NamedTuple):
@@ -124,14 +124,14 @@ def newton(
                 try:
                     value = residual(tried)
                     break
-                except BROKEN:
+                except FLOAT_ERRORS:
                     damping /= 2
                     if damping < _LEAST_DAMPING:
                         return Failure(best, n, "the iteration leaves the domain of the problem")
             x = tried
     except ZeroDivisionError:
         return Failure(best, n, "singular Jacobian")
-    except BROKEN as error:
+    except FLOAT_ERRORS as error:
         return Failure(best, n, str(error))
     return Failure(best, most, "no convergence")
 

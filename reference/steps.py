@@ -15,13 +15,13 @@ from sepv.reference.arithmetic import Vector, total
 from sepv.reference.branch import BranchEnd, follow
 from sepv.reference.equations import EQUATIONS, FEWEST_NODES, Equation, Step, collocation, make_step
 from sepv.reference.problem import Description, ExactProblem, binary64_problem, exact_problem
-from sepv.reference.solve import BROKEN, CertifiedRoot, Failure, Matrix, largest, newton, refine
+from sepv.reference.solve import FLOAT_ERRORS, CertifiedRoot, Failure, Matrix, largest, newton, refine
 
 from sepv.errors import StepFailure, UsageError
 from sepv.problem import GivenProblem
 
 # Guard digits: three for the conversion and the sums, the rest for the condition of the equation.
-GUARD = 15
+GUARD_DIGITS = 15
 MOST_DIGITS = 2000
 # Numbers of quadrature nodes for methods with stages if H is not a polynomial, tried until two
 # results agree.
@@ -132,7 +132,7 @@ def reference_step(
     if digits != 50:
         require_digits(digits)
     equation = find_equation(scheme) if isinstance(scheme, str) else scheme
-    exact = exact_problem(data, digits + GUARD)
+    exact = exact_problem(data, digits + GUARD_DIGITS)
     if not all(map(isfinite, (*y, h, *dW))) or len(y) != exact.dimension or len(dW) != len(exact.noise):
         raise UsageError(
             expected=f"finite y ({exact.dimension},), h and dW ({len(exact.noise)},)",
@@ -184,7 +184,7 @@ def _branch(
 ) -> BranchEnd | None:
     try:
         return follow(equation, data, y, h, dW)
-    except BROKEN:
+    except FLOAT_ERRORS:
         return None
 
 
@@ -208,7 +208,7 @@ def _start(equation: Equation, problem: ExactProblem, y0: Vector, step: Step) ->
     half = [a + step.delta * b / 2 for a, b in zip(y0, problem.field(y0), strict=True)]
     try:
         predicted = [a + step.delta * b for a, b in zip(y0, problem.field(half), strict=True)]
-    except BROKEN:
+    except FLOAT_ERRORS:
         return y0
     moved = largest([a - b for a, b in zip(predicted, y0, strict=True)])
     return predicted if moved < largest(y0) / 4 else y0
@@ -231,7 +231,7 @@ def _guess(
         y0, step = problem.state(y), make_step(problem, h, dW)
         start = start or _start(equation, problem, y0, step)
         return newton(_bound(equation, problem, y0, step), start, scale, problem.arithmetic, 1e-13)
-    except BROKEN as error:
+    except FLOAT_ERRORS as error:
         return Failure(float("inf"), 0, str(error))
 
 
@@ -252,7 +252,7 @@ def _in_digits(
         return (
             refine(residual, root, scale, exact.ctx, digits + 5) if isinstance(root, CertifiedRoot) else root
         )
-    except BROKEN as error:
+    except FLOAT_ERRORS as error:
         return Failure(float("inf"), 0, str(error))
 
 

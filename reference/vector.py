@@ -26,7 +26,7 @@ FLOW = "exact-flow"
 VECTOR_DIGITS = 50
 # A solver may refuse a case that has one of these flags, but it may not return a wrong result for
 # it.
-HARD = frozenset({"large-step", "near-fold", "subnormal", "huge", "overflow"})
+HARD_FLAGS = frozenset({"large-step", "near-fold", "subnormal", "huge", "overflow"})
 
 _VECTOR_KEYS = {
     "id",
@@ -84,7 +84,7 @@ class ReferenceVector:
     @property
     def hard(self) -> bool:
         """True if a correct solver may refuse the case."""
-        return bool(HARD & set(self.flags))
+        return bool(HARD_FLAGS & set(self.flags))
 
 
 def to_json(vector: ReferenceVector) -> dict[str, Any]:

@@ -19,7 +19,7 @@ _one, _small, _least = 1.0, 2.0**-60, 2.0**-1022
 _DEFAULT = (True, True, True, True)
 # Room for the environment of any C library: glibc's has 32 bytes on x86-64, musl's and Apple's
 # fewer than 64.
-_ROOM = 512
+_ENVIRONMENT_BYTES = 512
 
 
 def mode() -> tuple[bool, ...]:
@@ -49,7 +49,7 @@ def _environment() -> ctypes.Array[ctypes.c_char] | None:
     """The floating-point environment at import, which `restore` sets again;
     None where C's library has no fegetenv.
     """
-    room = ctypes.create_string_buffer(_ROOM)
+    room = ctypes.create_string_buffer(_ENVIRONMENT_BYTES)
     with suppress(OSError, AttributeError, TypeError):
         return room if ctypes.CDLL(None).fegetenv(room) == 0 else None
     return None

@@ -39,7 +39,7 @@ _COLOURS = (
 _MARKERS = ("v", "<", ">", "h", "p", "d", "P", "X", "s", "^", "x")
 _DASHES = ("8 2 2 2", "", "4 2", "2 1")
 # Dashes and markers of a scheme's second curve in one picture, and of its further curves.
-_AGAIN = (("9 4", "x"), ("1 2", "|"), ("9 2 1 2", "_"))
+_FURTHER_LOOKS = (("9 4", "x"), ("1 2", "|"), ("9 2 1 2", "_"))
 
 # Line widths and font size for a picture beside text.
 STYLE = {
@@ -124,7 +124,7 @@ def looks_of(series: Sequence[Series], look_of: Mapping[str, Look]) -> list[Look
     for number, s in enumerate(series):
         again = sum(s.look_key == other.look_key for other in series[:number]) if s.look_key else 0
         look = look_of[s.look_key]
-        dash, marker = _AGAIN[(again - 1) % len(_AGAIN)]
+        dash, marker = _FURTHER_LOOKS[(again - 1) % len(_FURTHER_LOOKS)]
         used.append(replace(look, dash=dash, marker=marker if look.marker else "") if again else look)
     return used
 

@@ -14,7 +14,7 @@ from sepv.files import finite
 from sepv.law import Verdict
 
 # Words for a solver that a version of the library lacks, and for one that it has.
-ABSENT, THERE = "absent", "there"
+ABSENT_WORD, PRESENT_WORD = "absent", "there"
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class VerdictChange:
     law: str  # empty if the whole solver was added or removed
     since: str  # the version of the record before; equal to `version` if this version was measured again
     version: str
-    before: str  # a value of `sepv.verification.Verdict`, or ABSENT or THERE
+    before: str  # a value of `sepv.verification.Verdict`, or ABSENT_WORD or PRESENT_WORD
     after: str
     besides: tuple[str, ...]  # what else changed and may be the reason: the suite, packages, Python
 
@@ -50,9 +50,9 @@ def _between(before: ReleaseRecord, after: ReleaseRecord) -> Iterator[VerdictCha
             return VerdictChange(after.library, name, law, before.version, after.version, was, now, besides)
 
         if name not in old:
-            yield change("", ABSENT, THERE)
+            yield change("", ABSENT_WORD, PRESENT_WORD)
         elif name not in new:
-            yield change("", THERE, ABSENT)
+            yield change("", PRESENT_WORD, ABSENT_WORD)
         else:
             for law, said in new[name]["laws"].items():
                 was = old[name]["laws"].get(law)
@@ -90,7 +90,7 @@ def cell(record: ReleaseRecord, solver: str) -> str:
     """The text of the table's cell for one solver and version."""
     entry = record.solvers.get(solver)
     if entry is None:
-        return ABSENT
+        return ABSENT_WORD
     return "; ".join(f"{verdict}: {', '.join(laws)}" for verdict, laws in broken(entry).items()) or "holds"
 
 

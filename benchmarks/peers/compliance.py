@@ -21,7 +21,7 @@ from sepv.properties import FALSE_ALARM, FIRST_LOOK
 from benchmarks.peers.compliance_measurements import (
     LIBRARIES,
     NO_AREAS,
-    SETUPS,
+    UNTRUNCATED_SETUPS,
     Row,
     release,
     rows,
@@ -46,11 +46,13 @@ DEFECT_PATHS = 256
 ENERGY_STEPS = 64
 # The columns of `kept`, and a sentence about the laws that these columns do not name.
 KEPT_COLUMNS = ("claimed laws that hold", "other laws that hold")
-UNNAMED = (
+UNNAMED_LAWS = (
     "A measured law missing from a line is not claimed, and is violated, inconclusive or not applicable."
 )
-LESS = "† The solver does less than documented, as [scripts without sepv](deviations.md) show."
-HOLDS = VERDICT_MARKS[Verdict.HOLDS]
+LESS_THAN_DOCUMENTED = (
+    "† The solver does less than documented, as [scripts without sepv](deviations.md) show."
+)
+HOLDS_MARK = VERDICT_MARKS[Verdict.HOLDS]
 # Words that replace marks.
 WORD_OF_MARK = {VERDICT_MARKS[Verdict.VIOLATED]: "violated", VERDICT_MARKS[Verdict.INCONCLUSIVE]: "open"}
 
@@ -69,7 +71,9 @@ def schemes_of(libraries: Sequence[str]) -> list[tuple[str, Scheme]]:
 def energies(
     jobs: Sequence[tuple[str, Scheme]], effort: Effort, folder: Path | None, shown: ShownProgress
 ) -> dict[str, tuple[str, ...]]:
-    """The largest energy defects of each scheme in energy ulps, for each of `SETUPS`."""
+    """The largest energy defects of each scheme in energy ulps, for each of
+    `UNTRUNCATED_SETUPS`.
+    """
     cells = [
         Cell(
             solver.name,
@@ -78,10 +82,10 @@ def energies(
             partial(_energy, solver, problems.by_name(setup.problem), setup.T),
         )
         for library, solver in jobs
-        for setup in SETUPS
+        for setup in UNTRUNCATED_SETUPS
     ]
     found = measured(cells, folder, shown)
-    names = [f"energy defect, {setup.problem}" for setup in SETUPS]
+    names = [f"energy defect, {setup.problem}" for setup in UNTRUNCATED_SETUPS]
     return {solver.name: tuple(found[solver.name, name] for name in names) for _, solver in jobs}
 
 
@@ -112,7 +116,7 @@ def document(
         _introduction(),
         "## Laws",
         _laws(found, contradicted),
-        LESS if contradicted else "",
+        LESS_THAN_DOCUMENTED if contradicted else "",
         "\n".join(notes),
         "## Energy",
         _energy_defects(found, energy),
@@ -144,7 +148,7 @@ def _energy_defects(found: Sequence[Row], energy: Mapping[str, Sequence[str]]) -
     scheme.
     """
     lines, own = [], found[0]
-    for at, setup in enumerate(SETUPS):
+    for at, setup in enumerate(UNTRUNCATED_SETUPS):
         others = {r.name: energy[r.scheme.name][at] for r in found[1:]}
         failed = [f"{name}: {text}" for name, text in others.items() if text.endswith("failed")]
         values = sorted(float(text) for text in others.values() if not text.endswith("failed"))
@@ -164,8 +168,8 @@ def kept(verdicts: Mapping[str, str]) -> tuple[str, str]:
     and the other laws that hold.
     """
     claimed = {law: mark.removesuffix(" +") for law, mark in verdicts.items() if mark.endswith("+")}
-    failed = [f"{law} {WORD_OF_MARK.get(mark, mark)}" for law, mark in claimed.items() if mark != HOLDS]
-    held = [law for law, mark in verdicts.items() if mark == HOLDS]
+    failed = [f"{law} {WORD_OF_MARK.get(mark, mark)}" for law, mark in claimed.items() if mark != HOLDS_MARK]
+    held = [law for law, mark in verdicts.items() if mark == HOLDS_MARK]
     return "; ".join([f"{len(claimed) - len(failed)} of {len(claimed)}", *failed]), ", ".join(held)
 
 
@@ -178,7 +182,7 @@ def _laws(found: Sequence[Row], contradicted: Collection[str]) -> str:
         groups.setdefault(tuple(r.marks.items()), []).append(r.name + mark)
     lines = [(_listed(names), *kept(dict(verdicts))) for verdicts, names in groups.items()]
     missing = f"Not measured: {', '.join(left_out) or 'none'}."
-    caption = f"{missing} {UNNAMED}"
+    caption = f"{missing} {UNNAMED_LAWS}"
     return f"{caption}\n\n{markdown(('solvers', *KEPT_COLUMNS), lines)}"
 
 
@@ -205,7 +209,7 @@ def _notes(scheme: Scheme, findings: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _introduction() -> str:
-    setup = SETUPS[0]
+    setup = UNTRUNCATED_SETUPS[0]
     steps, own = (
         ", ".join(map(str, (first, *setup.steps[1:]))) for first in (setup.steps[0], setup.steps[0] // 2)
     )

@@ -28,7 +28,7 @@ from sepv.verification import VERDICT_MARKS, verify
 LIBRARIES = tuple(VERSIONS)
 # The setups on which schemes with untruncated increments are judged: all solvers here have such
 # increments.
-SETUPS = setups(truncation=None)
+UNTRUNCATED_SETUPS = setups(truncation=None)
 
 # Laws by quadrature over ΔW, which do not average over other noise that a step draws.
 OVER_INCREMENTS = ("local-mean", "local-weak")

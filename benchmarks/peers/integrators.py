@@ -15,7 +15,7 @@ from pathlib import Path
 
 import click
 
-from benchmarks.peers.compliance import KEPT_COLUMNS, UNNAMED, _listed, kept
+from benchmarks.peers.compliance import KEPT_COLUMNS, UNNAMED_LAWS, _listed, kept
 from benchmarks.peers.compliance_measurements import Row, release, rows
 from benchmarks.peers.deviations import Deviation, deviations_shown_by
 from benchmarks.peers.options import jobs_of, measuring, page_options, put
@@ -54,13 +54,13 @@ def document(
         f"Made by `{command}` with sepv {__version__} and {', '.join(versions)}.",
         INTEGRATORS_INTRODUCTION,
         markdown(("integrators (claimed order)", *KEPT_COLUMNS), lines),
-        f"Measured: {', '.join(JUDGED_LAWS)}. {UNNAMED}",
+        f"Measured: {', '.join(JUDGED_LAWS)}. {UNNAMED_LAWS}",
         "\n".join(_marks(differing, rounded)),
         "\n".join(_reasons(found, marked)),
         "## Where the claims come from",
         "\n".join(dict.fromkeys(f"- {row.scheme.source}" for row in found if ":" in row.scheme.source)),
         "## What was read",
-        READ,
+        SOURCES_READ,
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -122,7 +122,7 @@ only rounding errors, so it obeys laws that it violates in longer steps. REBOUND
 
 
 # Libraries' notes were read as far as a search of public threads finds them.
-READ = """\
+SOURCES_READ = """\
 We read docstrings and source of each integrator, REBOUND's documentation and changelog, the history of JAX MD's and
 mici's integrators, and 16 issues and pull requests."""
 

@@ -14,7 +14,7 @@ from sepv.errors import SepvError
 from sepv.peers.peer import installed, load
 from sepv.schemes import Scheme
 
-_KEEP = (
+_KEEP_HELP = (
     "A folder for what is measured: what it holds is not measured again, so that an interrupted run goes on."
 )
 
@@ -36,7 +36,7 @@ def page_options(known: Sequence[str]) -> Callable[[Callable[..., Any]], Callabl
             click.option(
                 "--library", "libraries", multiple=True, type=click.Choice(known), help="Only this one."
             ),
-            click.option("--keep", type=click.Path(file_okay=False, path_type=Path), help=_KEEP),
+            click.option("--keep", type=click.Path(file_okay=False, path_type=Path), help=_KEEP_HELP),
             click.option(
                 "--out", type=click.Path(dir_okay=False, path_type=Path), help="Write the page to this file."
             ),

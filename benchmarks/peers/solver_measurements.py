@@ -36,7 +36,7 @@ from sepv.verification import load_laws, verify
 KEPT_LAWS = ("casimir", "poisson-map")
 SOLVER_T, SOLVER_STEPS = 0.5, (8, 32, 128)
 # The number of paths of solvers that take batches, and of solvers that take one state at a time.
-BATCH_PATHS, SINGLE_PATHS = 512, 128
+BATCH_PATHS, UNBATCHED_PATHS = 512, 128
 # The probability that the interval of an order of paths misses it.
 PATHS_ORDER_ALPHA = 1e-4
 # The order of the log-ODE, which is the reference for paths.
@@ -61,7 +61,7 @@ def cells(library: str, solver: Solver, effort: Effort) -> Iterator[Cell]:
         if (documented[0] or LOG_ODE_ORDER) <= LOG_ODE_ORDER:
             yield cell(
                 "paths",
-                (SOLVER_T, SOLVER_STEPS, BATCH_PATHS, SINGLE_PATHS, PATHS_ORDER_ALPHA),
+                (SOLVER_T, SOLVER_STEPS, BATCH_PATHS, UNBATCHED_PATHS, PATHS_ORDER_ALPHA),
                 partial(_over_paths, solver, kind, effort.seed),
             )
         for law in KEPT_LAWS:
@@ -162,7 +162,7 @@ def _over_paths(solver: Solver, kind: str, seed: int) -> dict[str, Any]:
     and the number of paths that failed at any step size.
     """
     scheme, problem = scheme_for(solver, kind), problem_of(kind)
-    count = BATCH_PATHS if solver.batched else SINGLE_PATHS
+    count = BATCH_PATHS if solver.batched else UNBATCHED_PATHS
     rough, exact, doubt = _reference(kind, seed, count)
     with np.errstate(all="ignore"):
         ends = [

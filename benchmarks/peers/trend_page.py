@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from benchmarks.peers.changes import ABSENT, cell, changes, deviations, latest, solvers
+from benchmarks.peers.changes import ABSENT_WORD, cell, changes, deviations, latest, solvers
 from benchmarks.peers.records import ReleaseRecord
 from sepv.console import markdown
 from sepv.law import Verdict
@@ -104,4 +104,4 @@ def _few(besides: Sequence[str]) -> str:
 
 def _words(verdict: str) -> str:
     known = {v.value: v.text for v in Verdict}
-    return verdict if verdict == ABSENT else known.get(verdict, verdict)
+    return verdict if verdict == ABSENT_WORD else known.get(verdict, verdict)

@@ -15,7 +15,7 @@ from sepv.record import gauss_legendre
 from sepv.schemes import Scheme, energy_preserving, leapfrog, midpoint
 
 # Laws whose orders are hidden by rounding, and laws that hold for (2.1) in binary64 only.
-_HIDDEN = {"local-mean", "local-mean-square", "local-weak", "reproducibility"}
+_HIDDEN_BY_ROUNDING = {"local-mean", "local-mean-square", "local-weak", "reproducibility"}
 _SINGLE_SWEEPS, _SINGLE_NODES = 700, 10
 
 
@@ -72,7 +72,7 @@ SINGLE_PRECISION_SCHEMES: tuple[Scheme, ...] = (
             scheme,
             name=f"{scheme.name}-in-single-precision",
             step=_step(average),
-            claims=frozenset(scheme.claims) - _HIDDEN,
+            claims=frozenset(scheme.claims) - _HIDDEN_BY_ROUNDING,
             mean_square_order=None,
             weak_order=None,
             solve=None,

@@ -101,7 +101,7 @@ def _method(name: str, step: Any, order: float, source: str, *more: str, **facts
 
 # The fractions of a step in the composition by H. Yoshida, Phys. Lett. A 150 (1990), solution A of
 # order 6.
-_SIX = (0.784513610477560, 0.235573213359357, -1.17767998417887)
+_YOSHIDA_6 = (0.784513610477560, 0.235573213359357, -1.17767998417887)
 _trapezoidal = _runge_kutta([[0, 0], [1 / 2, 1 / 2]], [1 / 2, 1 / 2])
 _other = Scheme("drift, kick, drift", Explicit(KicksAndDrifts((0.0, 1.0, 0.0), (0.5, 0.5))))
 _lobatto: Callable[..., Scheme] = lambda name, A, source: _method(  # noqa: E731 - one tableau a line
@@ -117,6 +117,6 @@ LONG_TIME_SCHEMES = (
     _method("order-without-noise", energy_preserving.step, 2, "(2.1) for c = (): Quispel and McLaren (2008)", "energy"),
     _method("processed-leapfrog", _processed, 2, "a leapfrog between a corrector and its inverse: not symmetric",
             "poisson-map:constant", systems=Systems.MECHANICAL),
-    _method("yoshida-6", Explicit(composed_leapfrogs((*_SIX, 1 - 2 * sum(_SIX), *_SIX[::-1]))), 6,
+    _method("yoshida-6", Explicit(composed_leapfrogs((*_YOSHIDA_6, 1 - 2 * sum(_YOSHIDA_6), *_YOSHIDA_6[::-1]))), 6,
             "H. Yoshida (1990), order 6", "poisson-map:constant", "symmetry", systems=Systems.MECHANICAL),
 )  # fmt: skip

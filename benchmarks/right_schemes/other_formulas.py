@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.right_schemes.solved_otherwise import CLAIMED, Refused, like_the_core, of_lanes
+from benchmarks.right_schemes.solved_otherwise import CLAIMS_OF_THE_CORE, Refused, like_the_core, of_lanes
 from sepv.core.formula import CountedFields, Fields
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem, mechanics, noise_field, uniform_damping, vector_field
@@ -403,19 +403,19 @@ OTHER_FORMULAS: tuple[Scheme, ...] = (
         "equal-substeps",
         _substeps,
         "(2.1) in up to eight equal parts of |Δ| ≤ ¼, so that its limit shows at small steps only",
-        claims=CLAIMED - _NOT_ITSELF,
+        claims=CLAIMS_OF_THE_CORE - _NOT_ITSELF,
     ),
     like_the_core(
         "two-half-steps",
         _composed((0.5, 0.5)),
         "(2.1) twice with half the step",
-        claims=CLAIMED - _NOT_ITSELF,
+        claims=CLAIMS_OF_THE_CORE - _NOT_ITSELF,
     ),
     like_the_core(
         "triple-jump",
         _composed((_YOSHIDA_SHARE, 1 - 2 * _YOSHIDA_SHARE, _YOSHIDA_SHARE)),
         "(2.1) composed to order 4 (Suzuki 1990, Yoshida 1990), backward in the middle",
-        claims=CLAIMED - _NOT_ITSELF,
+        claims=CLAIMS_OF_THE_CORE - _NOT_ITSELF,
         mean_square_order=2.0,
         weak_order=2.0,
         truncation=4,
@@ -424,7 +424,7 @@ OTHER_FORMULAS: tuple[Scheme, ...] = (
         "exact-flow",
         of_lanes(flow),
         "φ_Δ(y0), the flow itself",
-        claims=(CLAIMED - _NOT_ITSELF - {"truncation"}) | {"invariant:casimir"},
+        claims=(CLAIMS_OF_THE_CORE - _NOT_ITSELF - {"truncation"}) | {"invariant:casimir"},
         truncation=None,
         solver_tolerance=FLOW_TOLERANCE,
     ),

@@ -17,7 +17,7 @@ from sepv.problem import Array, Problem, matvec
 from sepv.record import EPS, gauss_legendre
 from sepv.schemes import Implicit, Scheme, Step, as_lanes, energy_preserving, energy_preserving_jacobian
 
-CLAIMED = frozenset(energy_preserving.claims)
+CLAIMS_OF_THE_CORE = frozenset(energy_preserving.claims)
 # Laws about paths, which schemes that are too slow for thousands of paths do not claim.
 _PATHS = {"rounding", "mean-square-order", "weak-order", "right-limit", "reproducibility"}
 
@@ -300,7 +300,7 @@ def like_the_core(name: str, step: Step, source: str, batched: bool = True, **ch
     """A scheme with this step and all claims of (2.1),
     but without *reproducibility* if it takes no batches.
     """
-    claims = CLAIMED if batched else CLAIMED - {"reproducibility"}
+    claims = CLAIMS_OF_THE_CORE if batched else CLAIMS_OF_THE_CORE - {"reproducibility"}
     changed = {"claims": claims, **changes}
     return replace(
         energy_preserving, name=name, step=step, source=source, solve=None, batched=batched, **changed
@@ -340,7 +340,7 @@ OTHERWISE_SOLVED: tuple[Scheme, ...] = (
         _digits,
         "(2.1) in mpmath, rounded",
         False,
-        claims=CLAIMED - _PATHS,
+        claims=CLAIMS_OF_THE_CORE - _PATHS,
         mean_square_order=None,
         weak_order=None,
     ),

@@ -19,7 +19,7 @@ from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, Twin
 
 # The tolerance that the port of the midpoint rule states.
-TOLERANCE = 1e-11
+PORT_TOLERANCE = 1e-11
 _DERIVATIVES = ("hessian", "structure_derivative")
 
 
@@ -74,7 +74,7 @@ def _midpoint(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     delta, z = h + _noise(problem, dW), np.zeros_like(y)
     for _ in range(200):
         z, before = delta * _field(problem, y + 0.5 * z), z
-        if np.max(np.abs(z - before)) <= TOLERANCE * max(np.max(np.abs(y)), np.max(np.abs(y + z))):
+        if np.max(np.abs(z - before)) <= PORT_TOLERANCE * max(np.max(np.abs(y)), np.max(np.abs(y + z))):
             return np.asarray(y + z)
     raise ArithmeticError("no convergence")
 
@@ -90,8 +90,8 @@ def ports() -> dict[str, Scheme]:
         (schemes.euler_maruyama, Scheme("euler-maruyama-loops", _euler_maruyama, needs=_DERIVATIVES)),
         (schemes.milstein, Scheme("milstein-textbook", _milstein, needs=_DERIVATIVES)),
         (schemes.explicit(4), Scheme("runge-kutta-loops", _runge_kutta)),
-        (schemes.midpoint, Scheme("midpoint-sweeps", _midpoint, solver_tolerance=TOLERANCE)),
-        (Scheme("midpoint-sweeps", _midpoint, solver_tolerance=TOLERANCE), schemes.midpoint),
+        (schemes.midpoint, Scheme("midpoint-sweeps", _midpoint, solver_tolerance=PORT_TOLERANCE)),
+        (Scheme("midpoint-sweeps", _midpoint, solver_tolerance=PORT_TOLERANCE), schemes.midpoint),
         (schemes.gauss(2), RIGHT_SCHEMES["gauss-two"]),
         (RIGHT_SCHEMES["stored-force"], RIGHT_SCHEMES["stored-force-reversed"]),
         (RIGHT_SCHEMES["adams-bashforth-2"], RIGHT_SCHEMES["adams-bashforth-2-by-paths"]),

@@ -116,7 +116,14 @@ def _signed(state: Any, rho: Array | None) -> Any:
 
 _EULER = StatefulStep(lambda _problem, y: (y.copy(), None), _adams_bashforth, _first)
 _MECHANICAL: dict[str, Any] = {"order": 2.0, "systems": Systems.MECHANICAL, "noise": False, "batched": True}
-_KEPT = ("poisson-map:constant", "volume", "symmetry", "reversibility", "long-time-energy", "reproducibility")
+_LEAPFROG_LAWS = (
+    "poisson-map:constant",
+    "volume",
+    "symmetry",
+    "reversibility",
+    "long-time-energy",
+    "reproducibility",
+)
 SCHEMES_WITH_MEMORY: tuple[Scheme, ...] = (
     Scheme("adams-bashforth-2", _EULER, ("equivariance", "reproducibility"), "AB2 after a step of Euler's rule",
            order=2.0, batched=True),
@@ -127,10 +134,10 @@ SCHEMES_WITH_MEMORY: tuple[Scheme, ...] = (
     Scheme("explicit-midpoint", StatefulStep(_two_steps, _over_two, _first, _two_steps_back),
            ("symmetry", "equivariance", "reproducibility"), "the two-step midpoint rule (GNI XV.1)", order=2.0,
            batched=True),
-    Scheme("staggered-leapfrog", StatefulStep(_staggered, _leap, _first), _KEPT,
+    Scheme("staggered-leapfrog", StatefulStep(_staggered, _leap, _first), _LEAPFROG_LAWS,
            "leapfrog with momenta at half steps", **_MECHANICAL),
-    Scheme("stored-force", StatefulStep(_at_rest, _verlet, _first), _KEPT, "velocity Verlet", **_MECHANICAL),
-    Scheme("stored-force-reversed", StatefulStep(_at_rest, _verlet, _first, _signed), _KEPT, "velocity Verlet",
+    Scheme("stored-force", StatefulStep(_at_rest, _verlet, _first), _LEAPFROG_LAWS, "velocity Verlet", **_MECHANICAL),
+    Scheme("stored-force-reversed", StatefulStep(_at_rest, _verlet, _first, _signed), _LEAPFROG_LAWS, "velocity Verlet",
            **_MECHANICAL),
     replace(energy_preserving, name="compensated", source="(2.1) with compensated summation", solve=None,
             step=StatefulStep(lambda _problem, y: (y.copy(), 0 * y), _compensated, _first)),

@@ -27,7 +27,7 @@ from sepv.reference.certify import certify
 from sepv.reference.equations import Equation, make_step
 from sepv.reference.flow import enclosed, taylor
 from sepv.reference.problem import binary64_problem
-from sepv.reference.solve import BROKEN
+from sepv.reference.solve import FLOAT_ERRORS
 from sepv.reference.steps import ReferenceStep, find_equation, reference_step
 from sepv.reference.vector import (
     FLOW,
@@ -46,11 +46,11 @@ from sepv.files import write_atomically
 
 # The number of digits computed beyond those printed; a proof by balls may leave three of them
 # undecided.
-_EXTRA = 10
+_EXTRA_DIGITS = 10
 # If a component is much smaller than the largest, _SMALL_COMPONENT_DIGITS digits are computed;
 # below 1e-390 of the largest it is 0.
-_USUAL_DIGITS, _SMALL_COMPONENT_DIGITS = VECTOR_DIGITS + _EXTRA, 460
-_ZERO = 390
+_USUAL_DIGITS, _SMALL_COMPONENT_DIGITS = VECTOR_DIGITS + _EXTRA_DIGITS, 460
+_ZERO_BELOW_DIGITS = 390
 
 
 class GenerationError(SepvError):
@@ -117,7 +117,7 @@ def _fits_binary64(equation: Equation, case: ReferenceVector) -> bool:
     try:
         step = make_step(problem, case.h, case.dW)
         return all(map(isfinite, equation.result(problem, list(case.y), step, [])))
-    except BROKEN:
+    except FLOAT_ERRORS:
         return False
 
 
@@ -130,7 +130,7 @@ def _without_noise(y1: Vector) -> Vector:
     """Replace components that are only rounding errors of the others by 0."""
     ctx = context(_SMALL_COMPONENT_DIGITS)
     scale = max(abs(v) for v in y1)
-    return [ctx.zero if abs(v) < scale * ctx.mpf(10) ** -_ZERO else v for v in y1]
+    return [ctx.zero if abs(v) < scale * ctx.mpf(10) ** -_ZERO_BELOW_DIGITS else v for v in y1]
 
 
 def _proved(case: ReferenceVector, step: ReferenceStep, y1: Vector, digits: int) -> str:

@@ -116,7 +116,7 @@ def _function(f: Function, slope: Callable[[Number], Number]) -> Function:
     return of
 
 
-ROUNDED = Arithmetic(
+ROUNDED_ARITHMETIC = Arithmetic(
     number=lambda x: Rounded(_CTX.mpf(float(x))),
     sin=_function(_CTX.sin, _CTX.cos),
     cos=_function(_CTX.cos, _CTX.sin),
@@ -138,7 +138,7 @@ def error_units(data: Description, y: Vector, h: float, dW: Vector, step: Refere
     of the residual at the solution, or of the explicit formula. Another order of operations gives
     another r of about the same size.
     """
-    problem = in_arithmetic(data, ROUNDED)
+    problem = in_arithmetic(data, ROUNDED_ARITHMETIC)
     equation = step.equation
     y0, parts = problem.state(y), make_step(problem, h, tuple(dW))
     x = [Rounded(_CTX.mpf(v)) for v in step.x]

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from sepv.properties._failed_step import row
 from sepv.properties._orders.local_errors import step_sizes, two_noises
-from sepv.properties._orders.local_orders import CLEAR, FLOOR, MARGIN, strong_order
+from sepv.properties._orders.local_orders import LOCAL_MARGIN, SOLVER_CLEAR, SOLVER_FLOOR, strong_order
 from sepv.properties._problems_of import problems_of, units_for
 
 from sepv.core.newton import Status
@@ -36,10 +36,10 @@ from sepv.record import EPS, poly
 from sepv.schemes import Scheme, guarded
 from sepv.simulate import advance
 
-# Step sizes are drawn from PAIRS equal parts of the range, at most 2.1 octaves apart, so that no
-# decade is left out. The range is from 2⁻⁴⁰, where an error of size h is 1e-12 of y, to 2⁻², where
-# A_h is 1.66 for k = 1.
-PAIRS, SMALLEST, LARGEST = 36, 2.0**-40, 2.0**-2
+# Step sizes are drawn from STEP_SIZE_PAIRS equal parts of the range, at most 2.1 octaves apart, so
+# that no decade is left out. The range is from 2⁻⁴⁰, where an error of size h is 1e-12 of y, to
+# 2⁻², where A_h is 1.66 for k = 1.
+STEP_SIZE_PAIRS, ANY_STEP_MIN, ANY_STEP_MAX = 36, 2.0**-40, 2.0**-2
 # The ratio of the two step sizes of a pair.
 STEP_RATIO = 4.0
 # Factors on the c_j, used in turn: the problem's own noises, larger ones and smaller ones.
@@ -48,9 +48,9 @@ NOISE_FACTORS = (1.0, 16.0, 1 / 16)
 # slopes. Errors differ from the first term of their expansion by O(x), and slopes from its power by
 # O(x).
 RANGE_UPPER_END = 2.0**-6
-# If y1 depends only on hf and ΔW_jf, errors in the same unit of time are equal. The factor ROOM is
-# for schemes that choose between two formulas with different constants.
-ROOM = 2.0
+# If y1 depends only on hf and ΔW_jf, errors in the same unit of time are equal. The factor
+# ANY_STEP_FACTOR is for schemes that choose between two formulas with different constants.
+ANY_STEP_FACTOR = 2.0
 # Errors are cut off at this size, so that their squares stay finite.
 LARGEST_ERROR = 1e100
 
@@ -122,8 +122,8 @@ def lower_order(scheme: Scheme, run: Run) -> tuple[tuple[float, float, str] | No
     with K_ab independent of the unit (a, b, u, v: see `Pair.growth`). So a pair's error is bounded
     by those of pairs with the same noise, or else with the problem's own: pairs of the right slope,
     and the longest pair with an error below the floor. A pair violates the law if its slope is too
-    low and its error exceeds ROOM times this bound. The slope does not suffice: a scheme that
-    divides steps above some length has small errors of slope ½ there. If no pair has the right
+    low and its error exceeds ANY_STEP_FACTOR times this bound. The slope does not suffice: a scheme
+    that divides steps above some length has small errors of slope ½ there. If no pair has the right
     slope, no violation is found here, because then the slope that the law itself measures is wrong.
     """
     if scheme.asks:
@@ -149,7 +149,7 @@ def lower_order(scheme: Scheme, run: Run) -> tuple[tuple[float, float, str] | No
 
 def _judged(scheme: Scheme, problem: Problem, pairs: list[Pair]) -> tuple[float, float, str] | None:
     order = strong_order(scheme, column(problem))
-    needed = order + 0.5 - MARGIN
+    needed = order + 0.5 - LOCAL_MARGIN
     visible = [pair for pair in pairs if pair.errors[1] > pair.floor]
     right = [pair for pair in visible if pair.slope() >= needed]
     for pair in (pair for pair in visible if pair.slope() < needed):
@@ -160,7 +160,7 @@ def _judged(scheme: Scheme, problem: Problem, pairs: list[Pair]) -> tuple[float,
         hidden = [p for p in pairs if p.louder == louder and p not in visible]
         beside += sorted(hidden, key=lambda p: p.unit * p.h)[-1:] if beside else []
         most = max((max(p.floor, p.errors[1]) * pair.growth(p, order) for p in beside), default=np.inf)
-        if pair.errors[1] > ROOM * most:
+        if pair.errors[1] > ANY_STEP_FACTOR * most:
             text = (
                 f"{problem.name}, H times {pair.unit:.3g}, c = {row(pair.problem.c)}: the rms error falls from "
                 f"{pair.errors[0]:.3g} to {pair.errors[1]:.3g} between h = {pair.h:.6g} and {pair.h / STEP_RATIO:.6g}, "
@@ -183,8 +183,8 @@ def _pairs(scheme: Scheme, problem: Problem, seed: int) -> Iterator[Pair]:
     top = RANGE_UPPER_END * float(step_sizes(order)[0])
     made = []
     given = bool(scheme.problems) or scaled(problem, 0.5) is None
-    largest = top * units.time if given else LARGEST
-    for n, h in enumerate(drawn(rng, SMALLEST * largest / LARGEST, largest, PAIRS)):
+    largest = top * units.time if given else ANY_STEP_MAX
+    for n, h in enumerate(drawn(rng, ANY_STEP_MIN * largest / ANY_STEP_MAX, largest, STEP_SIZE_PAIRS)):
         louder = 1.0 if given else NOISE_FACTORS[n % len(NOISE_FACTORS)]
         unit = 1.0 if given else min(1.0, top / (h * max(1.0, louder) ** 2))
         # In the time s = t/τ, τ = `unit`, the system is dy = τf(ds + Σ c_j/√τ dW_j).
@@ -199,7 +199,7 @@ def _pairs(scheme: Scheme, problem: Problem, seed: int) -> Iterator[Pair]:
     found = exact_flow(problem, np.concatenate(times), start, dense=True)
     ends = iter(np.split(found.y, len(times), axis=1))
     scale = float(np.max(np.abs(start)))
-    floor = CLEAR * (FLOOR * EPS + scheme.precision) * scale + 2 * found.error
+    floor = SOLVER_CLEAR * (SOLVER_FLOOR * EPS + scheme.precision) * scale + 2 * found.error
     asked, y0 = guarded(scheme), np.repeat(start[:, None], xi.shape[1], axis=1)
     for posed, h, unit, louder in made:
         errors, failed = [], False

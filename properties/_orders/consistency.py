@@ -23,10 +23,10 @@ import numpy as np
 from sepv.problem import Array
 
 # The degrees of the polynomials, and the numbers of coarse step sizes that are left out.
-DEGREES, COARSE = (3, 4, 5), range(0, 16, 3)
+DEGREES, LEFT_OUT_STEP_SIZES = (3, 4, 5), range(0, 16, 3)
 
 
-class Limit(NamedTuple):
+class KappaLimit(NamedTuple):
     """The limit κ (d,) of (y1 − φ_h)/h for h → 0, and the bound below which it may come from
     rounding.
     """
@@ -40,20 +40,20 @@ class Limit(NamedTuple):
         return float(np.max(np.abs(self.value))) <= self.bound
 
 
-def limit(h: Array, errors: Array, rounding: float) -> Limit | None:
+def limit(h: Array, errors: Array, rounding: float) -> KappaLimit | None:
     """Return the limit of errors (L, d) over h (L,), each exact up to `rounding`, for h → 0;
     None if they scatter.
     """
     found = [
         own
-        for first in COARSE
+        for first in LEFT_OUT_STEP_SIZES
         for n in DEGREES
         if h.size - first > n + 2 and (own := _fitted(h[first:], errors[first:], n, rounding)) is not None
     ]
     return min(found, key=lambda own: own.bound) if found else None
 
 
-def _fitted(h: Array, errors: Array, degree: int, rounding: float) -> Limit | None:
+def _fitted(h: Array, errors: Array, degree: int, rounding: float) -> KappaLimit | None:
     x = h / h[0]
     powers = np.vander(x, degree + 1, increasing=True)
     limits = []
@@ -66,4 +66,4 @@ def _fitted(h: Array, errors: Array, degree: int, rounding: float) -> Limit | No
         return None
     before, last, value = limits
     beyond = max(float(np.max(np.abs(value - last))), float(np.max(np.abs(last - before))))
-    return Limit(value, float(np.sum(np.abs(inverse[0]))) * rounding + 2 * beyond)
+    return KappaLimit(value, float(np.sum(np.abs(inverse[0]))) * rounding + 2 * beyond)

@@ -32,15 +32,15 @@ from sepv.schemes import Scheme, order_of
 from sepv.simulate import Ensemble, Watch, areas, run_chunk, seen, wiener
 from sepv.statistics import Estimate, binomial, jackknife
 
-# Errors below FLOOR·eps·scale count as rounding, and their step sizes are left out.
-FLOOR = 1e4
+# Errors below SAMPLED_FLOOR·eps·scale count as rounding, and their step sizes are left out.
+SAMPLED_FLOOR = 1e4
 # The quantile of errors that is judged. It is above the median, because with few steps the median
 # is small beside the root mean square, and low enough for a confidence interval from some hundred
 # paths.
-QUANTILE = 0.8
+JUDGED_QUANTILE = 0.8
 # The number of paths computed together. It hides NumPy's cost of a call: 1024 paths cost half of
 # four times 256 paths.
-_CHUNK = 1024
+_SAMPLED_CHUNK = 1024
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class StrongErrors:
     errors: Array
     failures: tuple[int, ...]
     scale: float
-    floor: float = FLOOR
+    floor: float = SAMPLED_FLOOR
     reference: float = 0.0
     ends: Array = field(default_factory=lambda: np.empty(0))
     W: Array = field(default_factory=lambda: np.empty(0))
@@ -128,7 +128,7 @@ def strong_errors(
             assert exact is not None
             yield used, exact, W, ones
 
-    found = errors_of(scheme, problem, T, steps, paths, _CHUNK, draw, watch)
+    found = errors_of(scheme, problem, T, steps, paths, _SAMPLED_CHUNK, draw, watch)
     return replace(found, reference=reference)
 
 
@@ -246,7 +246,7 @@ def slope(errors: StrongErrors, alpha: float) -> Estimate:
 
 
 def quantile_slope(errors: StrongErrors, alpha: float) -> Estimate:
-    """Estimate the order at which the QUANTILE of |e| falls,
+    """Estimate the order at which the JUDGED_QUANTILE of |e| falls,
     over the step sizes with errors above rounding.
 
     If E|e_h|² ≤ (C h^p)², Chebyshev's inequality bounds every quantile of |e_h| by C' h^p. So a
@@ -258,8 +258,8 @@ def quantile_slope(errors: StrongErrors, alpha: float) -> Estimate:
     kept = np.flatnonzero(above_floor(errors))
     ordered = np.sort(errors.squared[[kept[0], kept[-1]]], axis=1)
     paths = ordered.shape[1]
-    low = binomial(alpha / 4, paths, QUANTILE) - 1
-    high = binomial(1 - alpha / 4, paths, QUANTILE)
+    low = binomial(alpha / 4, paths, JUDGED_QUANTILE) - 1
+    high = binomial(1 - alpha / 4, paths, JUDGED_QUANTILE)
     span = 2 * np.log(errors.steps[kept[-1]] / errors.steps[kept[0]])
     if low < 0 or high >= paths or np.any(ordered[:, low] <= floors(errors)[kept[[0, -1]]] ** 2):
         return Estimate(

@@ -29,18 +29,18 @@ from sepv.simulate import truncation as bounded
 
 # Nodes that discretise the weight on a panel. Gauss rules of n ≤ 24 nodes made from them are exact
 # to rounding.
-_FINE = 96
+_PANEL_NODES = 96
 # The length at which an infinite panel is cut off: there the weight has fallen by the factor 1e-35.
-_REACH = 12.7
+_PANEL_REACH = 12.7
 # The number of nodes of a tail. They need no further steps of the scheme, which gets A_h at all of
 # them.
-TAIL = 8
+TAIL_NODES = 8
 # The number of points in each variable of product rules, by the number of noises.
 POINTS_BY_NOISES = {1: 8, 2: 6, 3: 6, 4: 4, 5: 3}
 
 
 @dataclass(frozen=True)
-class Rule:
+class GaussianRule:
     """A quadrature E g(ξ, ζ) ≈ Σ weights · g(xi, zeta[:, index])
     over increments ξ and truncated increments ζ.
     """
@@ -57,7 +57,7 @@ class Rule:
 @lru_cache(maxsize=256)
 def rule(
     noises: int, h: float, truncation: int | None, degree: int, panels: bool = True, fewer: int = 0
-) -> Rule:
+) -> GaussianRule:
     """Return the rule for a step h with m = `noises` increments of a scheme that truncates with
     k = `truncation`.
 
@@ -67,7 +67,9 @@ def rule(
     of k = 2, and the scheme gets the nodes beyond them unclipped.
     """
     if noises == 0:
-        return Rule(np.zeros((0, 1)), np.ones(1), np.zeros((0, 1)), np.zeros(1, dtype=np.intp), degree)
+        return GaussianRule(
+            np.zeros((0, 1)), np.ones(1), np.zeros((0, 1)), np.zeros(1, dtype=np.intp), degree
+        )
     if noises <= 2 and panels:
         cuts = (1,) if noises == 2 else range(1, (truncation or 2) + 1)
         return _product(*_panels(h, truncation, degree, cuts), noises, degree)
@@ -79,16 +81,18 @@ def rule(
     if fewer:  # other nodes of a rule of the same degree: the difference of both shows its error
         axes = axes - 2 / noises
     x = np.sqrt(noises) * np.concatenate([axes, -axes], axis=1)
-    return Rule(x, np.full(2 * noises, 0.5 / noises), _clip(x, h, truncation), np.arange(2 * noises), 3)
+    return GaussianRule(
+        x, np.full(2 * noises, 0.5 / noises), _clip(x, h, truncation), np.arange(2 * noises), 3
+    )
 
 
-def point_rule(noises: int, law: PointLaw) -> Rule:
+def point_rule(noises: int, law: PointLaw) -> GaussianRule:
     """Return the rule for m independent increments with few values: all combinations,
     exact for every function.
     """
     points = np.array(list(product(law.values, repeat=noises))).reshape(-1, noises).T
     weights = np.prod(np.array(list(product(law.weights, repeat=noises))).reshape(-1, noises), axis=1)
-    return Rule(points, weights, points, np.arange(weights.size), law.degree)
+    return GaussianRule(points, weights, points, np.arange(weights.size), law.degree)
 
 
 def _clip(x: Array, h: float, truncation: int | None) -> Array:
@@ -98,7 +102,7 @@ def _clip(x: Array, h: float, truncation: int | None) -> Array:
     return np.clip(x, -A, A)
 
 
-def _product(x: Array, w: Array, seen: Array, m: int, degree: int) -> Rule:
+def _product(x: Array, w: Array, seen: Array, m: int, degree: int) -> GaussianRule:
     """Return the product of m equal rules; nodes with the same truncated ζ (`seen`)
     are one node for the scheme.
     """
@@ -108,7 +112,7 @@ def _product(x: Array, w: Array, seen: Array, m: int, degree: int) -> Rule:
     shape = (different.size,) * m
     flat, index = np.unique(np.ravel_multi_index(tuple(number[grids]), shape), return_inverse=True)
     seen_points = different[np.array(np.unravel_index(flat, shape))]
-    return Rule(x[grids], weights / weights.sum(), seen_points, index, degree)
+    return GaussianRule(x[grids], weights / weights.sum(), seen_points, index, degree)
 
 
 def _panels(h: float, truncation: int | None, degree: int, cuts: Iterable[int]) -> tuple[Array, Array, Array]:
@@ -123,7 +127,7 @@ def _panels(h: float, truncation: int | None, degree: int, cuts: Iterable[int]) 
     # ≥ 2(2p + 1).
     parts = [_normal_rule(-edges[0], edges[0], min(outer + 3, max(degree, outer + 1)))]
     right = [_normal_rule(a, b, outer) for a, b in pairwise(edges)]
-    right.append(_normal_rule(last, last + _REACH, outer if truncation is None else TAIL))
+    right.append(_normal_rule(last, last + _PANEL_REACH, outer if truncation is None else TAIL_NODES))
     for x, w in right:
         parts += [(x, w), (-x, w)]
     x, w = (np.concatenate(row) for row in zip(*parts, strict=True))
@@ -139,7 +143,7 @@ def _normal_rule(a: float, b: float, n: int) -> tuple[Array, Array]:
     Orthogonal Polynomials, 2004, §2.2). The weight is taken relative to its largest value on the
     panel, because a panel may be far out.
     """
-    t, fine = gauss_legendre(_FINE)
+    t, fine = gauss_legendre(_PANEL_NODES)
     x = a + (b - a) * t
     nearest = 0.0 if a < 0 < b else min(abs(a), abs(b))
     w = (b - a) * fine * np.exp(0.5 * (nearest - x) * (nearest + x))
@@ -162,7 +166,7 @@ def _normal_rule(a: float, b: float, n: int) -> tuple[Array, Array]:
 
 def rule_for(
     scheme: Scheme, problem: Problem, h: float, degree: int, fewer: int = 0, unit: float = 1.0
-) -> Rule:
+) -> GaussianRule:
     """Return the rule for a step h, with Lévy areas if the scheme takes them or several
     Hamiltonians need them.
 
@@ -180,7 +184,7 @@ def rule_for(
 def _rule(
     asks: str, truncation: int | None, m: int, h: float, degree: int, with_areas: bool, panels: bool, fewer: int,
     unit: float,
-) -> Rule:  # fmt: skip
+) -> GaussianRule:  # fmt: skip
     if asks == "halves":
         return _of_halves(m, h, degree, fewer)
     if asks == "space-time" and not with_areas:
@@ -203,19 +207,19 @@ def _rule(
     return replace(seen, zeta=rows, index=np.arange(n * Q))
 
 
-def _of_halves(m: int, h: float, degree: int, fewer: int) -> Rule:
+def _of_halves(m: int, h: float, degree: int, fewer: int) -> GaussianRule:
     """Return a rule for schemes that take the untruncated increments of a step and of its first
     half, without areas.
     """
     two = rule(2 * m, h, None, degree, False, fewer)
     xi = (two.xi[:m] + two.xi[m:]) / np.sqrt(2)
     zeta = np.concatenate([(two.zeta[:m] + two.zeta[m:]) / np.sqrt(2), two.zeta[:m] / np.sqrt(2)])
-    return Rule(xi, two.weights, zeta, two.index, two.degree)
+    return GaussianRule(xi, two.weights, zeta, two.index, two.degree)
 
 
-def _of_bridges(m: int, h: float, degree: int, fewer: int) -> Rule:
+def _of_bridges(m: int, h: float, degree: int, fewer: int) -> GaussianRule:
     """Return a rule of untruncated increments and independent space-time areas of variance h/12."""
     two = rule(2 * m, h, None, degree, False, fewer)
     H = two.xi[m:] / np.sqrt(12)
     zeta = np.concatenate([two.xi[:m], H])
-    return Rule(two.xi[:m], two.weights, zeta, np.arange(two.weights.size), two.degree, bridges=H)
+    return GaussianRule(two.xi[:m], two.weights, zeta, np.arange(two.weights.size), two.degree, bridges=H)

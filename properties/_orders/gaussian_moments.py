@@ -36,11 +36,12 @@ from sepv.problem import Array, drift
 from sepv.record import EPS
 from sepv.schemes import Scheme, has_memory, point_law
 
-# T is 1/|λ| for the fastest eigenvalue λ of the drift's slope, and at most LONGEST times the T of
-# sampled paths. The A_h of truncated increments needs shorter steps: then T is that of these paths.
-LONGEST = 64
+# T is 1/|λ| for the fastest eigenvalue λ of the drift's slope, and at most AFFINE_T_FACTOR times
+# the T of sampled paths. The A_h of truncated increments needs shorter steps: then T is that of
+# these paths.
+AFFINE_T_FACTOR = 64
 # The numbers N of steps, and the least number of them at which a step is affine.
-STEPS = (4, 8, 16, 32, 64, 128, 256)
+AFFINE_STEPS = (4, 8, 16, 32, 64, 128, 256)
 LEAST_SIZES = 4
 
 
@@ -54,7 +55,7 @@ def moment_errors_at(scheme: Scheme, setup: Setup) -> LocalErrors | None:
         return None
     A = affine_slope(problem)
     assert A is not None
-    longest = setup.T if clipped else LONGEST * setup.T
+    longest = setup.T if clipped else AFFINE_T_FACTOR * setup.T
     T = float(1 / max(np.max(np.abs(np.linalg.eigvals(A))), 1 / longest))
     y0, exact = np.array(problem.initial), gaussian_step(problem, T, "")
     noise = np.concatenate([np.sqrt(T) * exact.gain, exact.rest], axis=1)
@@ -63,7 +64,7 @@ def moment_errors_at(scheme: Scheme, setup: Setup) -> LocalErrors | None:
         return None
     noise, mean = noise / sizes[:, None], exact.E @ drift(problem, y0) / sizes
     rows, steps = list[tuple[float, ...]](), 0
-    for count in STEPS:
+    for count in AFFINE_STEPS:
         h = T / count
         try:
             step = affine(scheme, problem, h, y0, sizes, A)

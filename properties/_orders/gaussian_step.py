@@ -39,7 +39,7 @@ from sepv.simulate import RoughPath, wiener
 AFFINE_TOLERANCE = 2.0**-30
 # The number of terms of (Z), and the largest number of powers of Ah. With |Ah| ≤ 2 the first term
 # that is left out is below 1e-17 |G|√h, and 25 powers reach rounding.
-TERMS, POWERS = 14, 100
+SERIES_TERMS, SERIES_MAX_POWERS = 14, 100
 # The seed of what increments do not determine is that of the increments plus this number.
 _STREAM = 2**41
 
@@ -100,13 +100,13 @@ def gaussian_step(problem: Problem, h: float, asks: str) -> GaussianStep:
 
 def _series(x: Array, G: Array) -> tuple[Array, list[Array]]:
     """E/h and the a_k/√h of (Z) for x = −Ah, by powers of x until they are rounding."""
-    E, a = np.zeros_like(x), [np.zeros_like(G) for _ in range(TERMS)]
+    E, a = np.zeros_like(x), [np.zeros_like(G) for _ in range(SERIES_TERMS)]
     power, n = np.eye(len(x)), 0
-    while n < TERMS or np.max(np.abs(power)) > EPS * factorial(n):
-        if n == POWERS:
+    while n < SERIES_TERMS or np.max(np.abs(power)) > EPS * factorial(n):
+        if n == SERIES_MAX_POWERS:
             raise Skipped("the step is too long for the exact solution's series")
         E = E + power / factorial(n + 1)
-        for k in range(min(n + 1, TERMS)):
+        for k in range(min(n + 1, SERIES_TERMS)):
             share = (-1) ** k * (2 * k + 1) ** 0.5 * factorial(n) / (factorial(n - k) * factorial(n + k + 1))
             a[k] = a[k] + share * (power @ G)
         power, n = power @ x, n + 1

@@ -49,25 +49,25 @@ from sepv.record import poly
 Indices = NDArray[np.signedinteger[Any]]
 # Numbers of steps in a period at the largest step size: ωh = 0.42 and 0.45, a fifth of the
 # leapfrog's stability limit.
-STEPS = (15, 14)
-GOLDEN = (1 + 5**0.5) / 2
+STEPS_IN_PERIOD = (15, 14)
+GOLDEN_RATIO = (1 + 5**0.5) / 2
 # The largest share of harmonics k of an orbit for which k is at least the number of steps in a
 # period. They look slow.
-TAIL = 1e-4
+HARMONICS_TAIL = 1e-4
 # The largest number of steps in a period of a user's orbit: PHASES states resolve harmonics below
 # half their number.
-MOST_STEPS = PHASES // 2
+PERIOD_MAX_STEPS = PHASES // 2
 # The largest number of times that a body may turn in a period of its orbit.
-TURNS = 8
+BODY_MAX_TURNS = 8
 
 # The sign of B, 1 for y = (q, p) and −1 for y = (p, q), and the built-in pendulum in these
 # variables.
-_FORMS = {
+_PENDULUM_FORMS = {
     Systems.SINGLE: (-1.0, "pendulum"),
     Systems.CANONICAL_SEPARABLE: (-1.0, "pendulum"),
     Systems.MECHANICAL: (1.0, "pendulum-chain"),
 }
-_NAMES = ("", "one well", "two coupled wells")
+_WELL_NAMES = ("", "one well", "two coupled wells")
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,24 +121,24 @@ def orbits_of_class(systems: Systems, seed: int) -> tuple[Orbits, ...]:
     The orbits are those of a well, the pendulum and two coupled wells, or of two rigid bodies or a
     body and a spin.
     """
-    if systems in _BODIES:
-        found = (users_orbits(make()) for make in _BODIES[systems])
+    if systems in _BODY_STATES:
+        found = (users_orbits(make()) for make in _BODY_STATES[systems])
         several = systems is Systems.MATRIX_HAMILTONIANS
         return tuple(replace(own, problem=_of_fields(own.problem)) if several else own for own in found)
-    if systems not in _FORMS:
+    if systems not in _PENDULUM_FORMS:
         return ()
-    sign, name = _FORMS[systems]
+    sign, name = _PENDULUM_FORMS[systems]
     random = Random(seed)
     first = _well(random, random.choice((0.5, 1.0, 2.0)))
     slow = _well(random, 1.0)
-    pair = slow, _well(random, GOLDEN)
+    pair = slow, _well(random, GOLDEN_RATIO)
     shears = ([[1, 0], [1, 1]], [[1, -1], [0, 1]], [[1, 0], [-1, 1]], [[1, 1], [0, 1]])
-    many = random.choice(STEPS)
+    many = random.choice(STEPS_IN_PERIOD)
     pendulum = problems.pendulum() if name == "pendulum" else problems.pendulum_chain(links=1)
     return (
         coupled((first,), [[1]], sign, many),
         users_orbits(quiet_problem(pendulum)),
-        coupled(pair, random.choice(shears), sign, int(np.ceil(GOLDEN * many))),
+        coupled(pair, random.choice(shears), sign, int(np.ceil(GOLDEN_RATIO * many))),
     )
 
 
@@ -170,7 +170,7 @@ def coupled(wells: Sequence[Well], S: Sequence[Sequence[int]], sign: float, step
     position, momentum = R @ [own[1] for own in moved], np.transpose(S) @ [own[2] for own in moved]
     states = np.concatenate([position, momentum] if sign > 0 else [momentum, position])
     axes = np.eye(2 * n)[:, n:] if sign > 0 else np.eye(2 * n)[:, :n]
-    return Orbits(_NAMES[n], problems.build(system), states, max(own[0] for own in moved), steps, axes)
+    return Orbits(_WELL_NAMES[n], problems.build(system), states, max(own[0] for own in moved), steps, axes)
 
 
 def _moved(well: Well, phases: Indices) -> tuple[float, Array, Array]:
@@ -217,14 +217,14 @@ def users_orbits(problem: Problem) -> Orbits:
     slopes = problem.gradient(orbit.states)
     sizes = np.max(np.abs(np.fft.rfft(slopes, axis=1)), axis=0)
     tails = np.cumsum(sizes[::-1])[::-1] / np.sum(sizes)
-    resolved = [n for n in range(STEPS[0], MOST_STEPS + 1) if tails[n - 1] <= TAIL]
+    resolved = [n for n in range(STEPS_IN_PERIOD[0], PERIOD_MAX_STEPS + 1) if tails[n - 1] <= HARMONICS_TAIL]
     # A body turns by |s∇H|h in a step, and more often than its orbit closes.
     speed = abs(turning(problem, [start]) or 0.0) if flip is None else 0.0
     turns = speed * float(np.max(np.linalg.norm(slopes, axis=0))) * orbit.period / (2 * np.pi)
-    steps = max([*resolved[:1], int(np.ceil(turns * STEPS[0]))])
-    if not resolved or steps > TURNS * STEPS[0]:
+    steps = max([*resolved[:1], int(np.ceil(turns * STEPS_IN_PERIOD[0]))])
+    if not resolved or steps > BODY_MAX_TURNS * STEPS_IN_PERIOD[0]:
         raise Skipped(
-            f"the orbit is too sharp for {MOST_STEPS} steps in a period, or has more than {TURNS} turns"
+            f"the orbit is too sharp for {PERIOD_MAX_STEPS} steps in a period, or has more than {BODY_MAX_TURNS} turns"
         )
     return Orbits(problem.name, problem, orbit.states, orbit.period, steps, np.stack(crossing[:1], axis=1))
 
@@ -252,9 +252,9 @@ def _of_fields(body: Problem) -> Problem:
 
 
 # Quaternions of the axes of bodies.
-_AXES, _OTHERS = (1.0, 0.0, 0.0, 0.0), (5.0, 1.0, -2.0, 1.0)
-_turned, _principal, _spin = (cache(partial(_body, *of)) for of in ((_OTHERS,), (_AXES,), (_AXES, 0.5)))
-_BODIES = {
+_AXES, _OTHER_AXES = (1.0, 0.0, 0.0, 0.0), (5.0, 1.0, -2.0, 1.0)
+_turned, _principal, _spin = (cache(partial(_body, *of)) for of in ((_OTHER_AXES,), (_AXES,), (_AXES, 0.5)))
+_BODY_STATES = {
     Systems.RIGID_BODIES: (_principal, _turned),
     Systems.PRINCIPAL_BODIES: (_principal,),
     Systems.LIE_POISSON: (_turned, _spin),

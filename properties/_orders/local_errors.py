@@ -23,9 +23,15 @@ from math import factorial
 
 import numpy as np
 from sepv.properties._failed_step import first_failed
-from sepv.properties._orders.gaussian import Rule, point_rule, rule_for
+from sepv.properties._orders.gaussian import GaussianRule, point_rule, rule_for
 from sepv.properties._orders.gaussian_step import gaussian_step, is_gaussian
-from sepv.properties._orders.local_moments import FULL_DEGREE, SPLIT, exponents, moments_at, moments_of
+from sepv.properties._orders.local_moments import (
+    FULL_DEGREE,
+    SPLITTING_POWER,
+    exponents,
+    moments_at,
+    moments_of,
+)
 from sepv.properties._orders.log_ode import field, log_flow, runge_kutta
 from sepv.properties._problems_of import as_taken, problems_of, units_for
 from sepv.properties._sampled import sparing
@@ -51,7 +57,7 @@ from sepv.record import EPS, poly
 from sepv.schemes import CLASSICAL, Scheme, guarded, order_of, point_law
 from sepv.simulate import advance
 
-LEVELS = 10
+STEP_LEVELS = 10
 
 
 def five_noises(c: tuple[float, ...] = (0.5, 0.25, 0.375, 0.75, 0.3125)) -> Problem:
@@ -82,7 +88,7 @@ def unequal_twists() -> Problem:
     return problems.commuting_twists((0.5, 0.375))
 
 
-CASES: dict[Systems, tuple[Callable[[], Problem], ...]] = {
+STEP_PROBLEMS: dict[Systems, tuple[Callable[[], Problem], ...]] = {
     Systems.SINGLE: (problems.rigid_body, problems.pendulum, five_noises),
     Systems.NAMBU: (problems.rigid_body, problems.lotka_volterra, five_noises),
     Systems.SEVERAL: (
@@ -101,7 +107,7 @@ def cases(systems: Systems) -> tuple[Problem, ...]:
     """Return the problems on which schemes for a class of systems are judged. They are built
     once.
     """
-    return tuple(make() for make in CASES[systems])
+    return tuple(make() for make in STEP_PROBLEMS[systems])
 
 
 def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
@@ -143,8 +149,8 @@ class LocalErrors:
 
 
 def step_sizes(order: float) -> Array:
-    """Return LEVELS step sizes, coarse to fine, at which local errors of a scheme of this order are
-    above rounding.
+    """Return STEP_LEVELS step sizes, coarse to fine, at which local errors of a scheme of this
+    order are above rounding.
 
     The local rms error is about h^(p+½). At the finest h this is 2⁻⁴⁰. For high orders it is 2⁻⁴⁷,
     because their constants are small and their range of h would else be short. For low orders the
@@ -152,7 +158,7 @@ def step_sizes(order: float) -> Array:
     """
     coarse = 6.0 if order <= 1 else 4.0 if order <= 2 else 2.0
     fine = (40.0 if order <= 2 else 47.0) / (order + 0.5)
-    return np.asarray(2.0 ** -np.round(np.linspace(coarse, max(fine, coarse + 4.5), LEVELS), 1))
+    return np.asarray(2.0 ** -np.round(np.linspace(coarse, max(fine, coarse + 4.5), STEP_LEVELS), 1))
 
 
 def _sizes(strong: float, weak: float) -> list[float]:
@@ -195,7 +201,7 @@ def _measure(scheme: Scheme, problem: Problem, spared: bool) -> LocalErrors:
     exact, flow = solutions_at(problem, states, rules, top)
     seen = (rules[0][1].degree + 1) // 2
     if known and not isinstance(problem.data, PolynomialSystem):
-        seen = min(seen, SPLIT)
+        seen = min(seen, SPLITTING_POWER)
     rules = rules[len(rules) - len(exact) :]
     rows: list[tuple[float, float, float, float]] = []
     failed, steps = [], 0
@@ -232,7 +238,7 @@ def moments_only(problem: Problem) -> bool:
     return one_hamiltonian(problem) or not commutes(problem)
 
 
-def coupled_rms(problem: Problem, states: Array, h: float, nodes: Rule, y: Array, asks: str) -> float:
+def coupled_rms(problem: Problem, states: Array, h: float, nodes: GaussianRule, y: Array, asks: str) -> float:
     """Return the largest (E|y1 − φ|²)^½ over states; NaN if there is no φ.
 
     With additive noise and an affine drift φ is the exact solution, and E|y1 − φ|² the mean over
@@ -269,7 +275,7 @@ def local_states(scheme: Scheme, problem: Problem) -> Array:
     return np.array(list(states)[: 3 if problem.noises <= 1 else 2]).T
 
 
-def step_rule(scheme: Scheme, problem: Problem, h: float) -> Rule:
+def step_rule(scheme: Scheme, problem: Problem, h: float) -> GaussianRule:
     """Return the quadrature over ΔW for a step h of the problem,
     with truncation A_h in the problem's unit of time.
     """
@@ -283,7 +289,9 @@ def rule_degree(scheme: Scheme) -> int:
     return int(2 * max(order_of(p, "additive") for p in (scheme.mean_square_order, scheme.weak_order)) + 2)
 
 
-def one_step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: Rule) -> tuple[Array, str]:
+def one_step(
+    scheme: Scheme, problem: Problem, states: Array, h: float, nodes: GaussianRule
+) -> tuple[Array, str]:
     """Return y1 (d, S, n) from S states at the n nodes, and a description of the first failed step,
     or "".
     """
@@ -296,7 +304,7 @@ def one_step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: R
 
 
 def solutions_at(
-    problem: Problem, states: Array, rules: list[tuple[float, Rule]], degree: int = FULL_DEGREE
+    problem: Problem, states: Array, rules: list[tuple[float, GaussianRule]], degree: int = FULL_DEGREE
 ) -> tuple[list[Array], float]:
     """Return exact solutions at each step size, or moments up to `degree` if no more is known;
     also their error.
@@ -306,7 +314,9 @@ def solutions_at(
     return ends_at(problem, states, rules)
 
 
-def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) -> tuple[list[Array], float]:
+def ends_at(
+    problem: Problem, states: Array, rules: list[tuple[float, GaussianRule]]
+) -> tuple[list[Array], float]:
     """Return exact solutions (d, S, n) at step sizes for which the flow exists from all states,
     and their error.
     """
@@ -332,7 +342,9 @@ def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) ->
     return [], 0.0
 
 
-def _flows_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) -> tuple[list[Array], float]:
+def _flows_at(
+    problem: Problem, states: Array, rules: list[tuple[float, GaussianRule]]
+) -> tuple[list[Array], float]:
     """Return exact solutions for commuting Hamiltonians, and an estimate of their error.
 
     The solution is the flow of h f_0 + Σ c_j ΔW_j f_j at time 1, with the fields f_j = B∇H_j.

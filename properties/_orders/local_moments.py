@@ -3,8 +3,8 @@ by the generator's series or by a splitting.
 
 **Polynomial data.** The moments are the series Σ h^k/k! L^k g of the generator L in rational
 numbers (`sepv.reference.generator`). For linear fields L keeps the degree of g, and the series is
-computed fast. For other fields it has fewer terms, with an error of the order h^(LEAST_TERMS + 1)
-or higher.
+computed fast. For other fields it has fewer terms, with an error of the order
+h^(GENERATOR_MIN_TERMS + 1) or higher.
 
 **Functions.** The splitting of S. Ninomiya and N. Victoir (Appl. Math. Finance 15, 2008),
 
@@ -42,16 +42,16 @@ from sepv.schemes import DORMAND_PRINCE_8
 FULL_DEGREE = 3
 # The number of terms of the generator's series for linear fields: for h ≤ 2⁻⁶, h^9/9! is far below
 # rounding.
-SERIES = 8
+GENERATOR_TERMS = 8
 # The least number of terms for nonlinear fields. Orders up to 2 are visible above an error of h⁵.
-LEAST_TERMS = 4
+GENERATOR_MIN_TERMS = 4
 # The number of quadrature points in each variable, by the number of noises. More noises than these
 # would need hours.
-POINTS = {0: 1, 1: 6, 2: 5, 3: 4}
+QUADRATURE_POINTS = {0: 1, 1: 6, 2: 5, 3: 4}
 # The power of h in the error of the extrapolated splitting.
-SPLIT = 4
+SPLITTING_POWER = 4
 # The largest number of steps for a flow. The number is doubled until two results agree.
-_MOST = 32
+_FLOW_MAX_STEPS = 32
 
 
 def exponents(dimension: int, degree: int = FULL_DEGREE) -> tuple[tuple[int, ...], ...]:
@@ -67,15 +67,15 @@ def moments_at(
     and the largest error of the flows used.
 
     If H is a function, step sizes down to the finest one with an infinite flow are left out, and
-    moments are NaN if POINTS lacks the number of noises. Several structures must be data with
-    linear fields, else `Skipped` is raised.
+    moments are NaN if QUADRATURE_POINTS lacks the number of noises. Several structures must be data
+    with linear fields, else `Skipped` is raised.
     """
     data = problem.data
     if isinstance(data, PolynomialSystem):
         return _by_series(problem, data, states, sizes, degree), 0.0
     if one_hamiltonian(problem):
         raise Skipped(f"{problem.name} has no closed form, and is not given as data")
-    if problem.noises not in POINTS:
+    if problem.noises not in QUADRATURE_POINTS:
         count = len(exponents(problem.dimension, degree))
         return [np.full((count, states.shape[1]), np.nan)] * len(sizes), 0.0
     found: list[Array] = []
@@ -95,7 +95,7 @@ def _by_series(
         raise Skipped(
             f"{problem.name} has several structures, no closed form, and fields that are not linear"
         )
-    terms = SERIES if linear else max(LEAST_TERMS, degree // 2 + 2)
+    terms = GENERATOR_TERMS if linear else max(GENERATOR_MIN_TERMS, degree // 2 + 2)
     asked = exponents(problem.dimension, degree)
     series = [moments(data, tuple(y.tolist()), asked, terms) for y in states.T]
     rows = np.array([[[float(v) for v in row] for row in one] for one in series])
@@ -126,7 +126,7 @@ def _split(problem: Problem, y: Array, h: float) -> tuple[Array, Array, float]:
     the flows' error.
     """
     m, (d, S, n) = problem.noises, y.shape
-    x, w = np.polynomial.hermite_e.hermegauss(POINTS[m])
+    x, w = np.polynomial.hermite_e.hermegauss(QUADRATURE_POINTS[m])
     grid = np.array(list(product(range(x.size), repeat=m)), dtype=np.intp).reshape(-1, m).T
     weights = np.prod((w / w.sum())[grid], axis=0)
     u = weights.size
@@ -157,7 +157,7 @@ def _flow(field: Callable[[Array], Array], y: Array, times: Array) -> tuple[Arra
     with np.errstate(all="ignore"):  # a step that is too long gives inf or NaN, which is detected
         found = runge_kutta(slope, y, 1, DORMAND_PRINCE_8)
         steps, error = 1, np.inf
-        while steps < _MOST and error > 16 * EPS * np.max(np.abs(y)):
+        while steps < _FLOW_MAX_STEPS and error > 16 * EPS * np.max(np.abs(y)):
             steps *= 2
             finer = runge_kutta(slope, y, steps, DORMAND_PRINCE_8)
             error = float(np.max(np.abs(finer - found))) / 128 + 8 * EPS * float(np.max(np.abs(finer)))

@@ -14,7 +14,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from sepv.properties._orders.local_errors import LEVELS, LocalErrors, local_errors, problems_for
+from sepv.properties._orders.local_errors import STEP_LEVELS, LocalErrors, local_errors, problems_for
 
 from sepv.errors import Skipped
 from sepv.files import finite
@@ -26,21 +26,21 @@ from sepv.schemes import Scheme, order_of
 # Half the distance between local rms orders, which are multiples of ½. Slopes at the fine end are
 # within 0.1 of their limits. They converge most slowly if truncation contributes h^(k+1)|ln
 # h|^(-3/2).
-MARGIN = 0.25
-# Up to this power of h mean errors have the margin MARGIN too, because slopes are accurate to 0.05
-# and errors that are not smooth, such as |ΔW|³, become visible. Above it the margin is ½, half-way
-# between whole orders: mean errors of smooth schemes have whole orders, because odd powers of ΔW
-# have mean zero.
+LOCAL_MARGIN = 0.25
+# Up to this power of h mean errors have the margin LOCAL_MARGIN too, because slopes are accurate to
+# 0.05 and errors that are not smooth, such as |ΔW|³, become visible. Above it the margin is ½,
+# half-way between whole orders: mean errors of smooth schemes have whole orders, because odd powers
+# of ΔW have mean zero.
 SHARP_ORDER = 3.0
-# Errors of a step below ROUNDING·eps·|y| may be rounding: some roundings of a state and a solver's
-# last correction.
-ROUNDING = 64.0
-# FLOOR is by convention the error, in eps·|y|, of a solver that states no tolerance, also for
-# sampled laws. Only errors CLEAR times as large may refute a scheme, because the solver's error
-# changes their slopes by less than 0.1.
-FLOOR, CLEAR = 1e4, 10.0
+# Errors of a step below STEP_ROUNDING_FACTOR·eps·|y| may be rounding: some roundings of a state and
+# a solver's last correction.
+STEP_ROUNDING_FACTOR = 64.0
+# SOLVER_FLOOR is by convention the error, in eps·|y|, of a solver that states no tolerance, also
+# for sampled laws. Only errors SOLVER_CLEAR times as large may refute a scheme, because the
+# solver's error changes their slopes by less than 0.1.
+SOLVER_FLOOR, SOLVER_CLEAR = 1e4, 10.0
 # The number of points of a slope, and the number needed to decide if a slope still rises.
-POINTS, ENOUGH = 3, 4
+SLOPE_POINTS, RISING_POINTS = 3, 4
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,9 @@ def judge_slope(  # noqa: PLR0911  (one return for each meaning of a slope)
     real = max(far, int(np.argmin([*(errors > rounding), False])))
     # If fewer than three are real, the first error below `rounding` counts as `rounding`: the slope
     # is a lower bound.
-    used = real if real >= POINTS else min(real + 1, errors.size)
+    used = real if real >= SLOPE_POINTS else min(real + 1, errors.size)
     x, y = np.log(h), np.log(np.maximum(errors, rounding))
-    if used < POINTS:
+    if used < SLOPE_POINTS:
         # Errors that fall faster than claimed: the slope to `rounding` at the next step size is a
         # lower bound.
         bound = _over(x[:used], y[:used]) if used > 1 else None
@@ -85,19 +85,19 @@ def judge_slope(  # noqa: PLR0911  (one return for each meaning of a slope)
     fine = _over(x[:used], y[:used])
     if fine.value >= least:
         return replace(fine, verdict=Verdict.HOLDS)
-    if far < ENOUGH:
+    if far < RISING_POINTS:
         return fine
     coarser, seen = _over(x[: far - 1], y[: far - 1]), _over(x[:far], y[:far])
     if seen.value >= least:
         return replace(seen, verdict=Verdict.HOLDS)
-    if seen.value > coarser.value + MARGIN:  # not yet asymptotic
+    if seen.value > coarser.value + LOCAL_MARGIN:  # not yet asymptotic
         return replace(seen, text=seen.text + ", rising")
     return replace(seen, verdict=Verdict.VIOLATED)
 
 
 def _over(x: Array, y: Array) -> Slope:
-    """Return the least-squares slope of the last POINTS points (x, y) of logarithms."""
-    x, y = x[-POINTS:], y[-POINTS:]
+    """Return the least-squares slope of the last SLOPE_POINTS points (x, y) of logarithms."""
+    x, y = x[-SLOPE_POINTS:], y[-SLOPE_POINTS:]
     centred = x - np.mean(x)
     value = float(centred @ y / (centred @ centred))
     text = f"slope {value:.2f} for h = {np.exp(x[0]):.1e} … {np.exp(x[-1]):.1e}"
@@ -123,7 +123,7 @@ def mean_slope(local: LocalErrors, order: float) -> float:
     minus a margin.
     """
     power = min(order + 1, local.exact_order)
-    return power - (MARGIN if power <= SHARP_ORDER else 2 * MARGIN)
+    return power - (LOCAL_MARGIN if power <= SHARP_ORDER else 2 * LOCAL_MARGIN)
 
 
 def order_shown(slope: Slope, order: float, spacing: float, needs: Callable[[float], float]) -> float | None:
@@ -151,7 +151,7 @@ def judge(
     needs: Callable[[LocalErrors, float], float],
     spacing: float,
     measure: Callable[[Scheme, Problem, Run], LocalErrors] = local_errors,
-    enough: int = LEVELS // 2,
+    enough: int = STEP_LEVELS // 2,
     example: Callable[[Scheme, Problem, float], str] = lambda *_: "",
     problems: Iterable[Problem] | None = None,
 ) -> Finding:  # fmt: skip
@@ -218,8 +218,8 @@ def _slope_of(scheme: Scheme, local: LocalErrors, errors: Array, bound: float) -
     """
     tolerance, more = scheme.solver_tolerance, local.rounding
     return judge_slope(
-        local.h, errors, bound, (ROUNDING * EPS + 2 * tolerance) * local.scale + 2 * local.flow + more,
-        CLEAR * ((FLOOR * EPS + tolerance) * local.scale + more),
+        local.h, errors, bound, (STEP_ROUNDING_FACTOR * EPS + 2 * tolerance) * local.scale + 2 * local.flow + more,
+        SOLVER_CLEAR * ((SOLVER_FLOOR * EPS + tolerance) * local.scale + more),
     )  # fmt: skip
 
 

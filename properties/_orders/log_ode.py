@@ -31,7 +31,7 @@ from sepv.simulate import RoughPath
 
 # The least and largest numbers of explicit steps. The number is doubled until the result changes by
 # roundings only.
-FEWEST, MOST = 4, 64
+LOG_ODE_MIN_STEPS, LOG_ODE_MAX_STEPS = 4, 64
 
 
 def field(problem: Problem, y: Array, parts: Array, areas: Array, bridges: Array | None = None) -> Array:
@@ -82,7 +82,7 @@ def log_flow(problem: Problem, y: Array, parts: Array, areas: Array) -> tuple[Ar
     The number of Runge-Kutta steps of order 8 is doubled until two results agree to rounding.
     """
     right_side = partial(field, problem, parts=parts, areas=areas)
-    steps, logarithm = FEWEST, runge_kutta(right_side, y, FEWEST, DORMAND_PRINCE_8)
+    steps, logarithm = LOG_ODE_MIN_STEPS, runge_kutta(right_side, y, LOG_ODE_MIN_STEPS, DORMAND_PRINCE_8)
     while True:
         steps *= 2
         finer = runge_kutta(right_side, y, steps, DORMAND_PRINCE_8)
@@ -90,7 +90,7 @@ def log_flow(problem: Problem, y: Array, parts: Array, areas: Array) -> tuple[Ar
         logarithm = finer
         # The finer result's error is 1/256 of the difference, unless roundings are larger.
         error = apart / 128 + 16 * EPS * scale
-        if apart <= 128 * EPS * scale or steps >= MOST:
+        if apart <= 128 * EPS * scale or steps >= LOG_ODE_MAX_STEPS:
             return logarithm, error
 
 

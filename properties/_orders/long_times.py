@@ -11,17 +11,17 @@ f_0 + Σ_{k≠0} f_k e^{ikω̃hτ} W(kω̃hN/2π), with the transform W of the w
 Let W_k be W at kω̃hN/2π. Two such means, τ steps apart, differ by at most 2 Σ|f_k||W_k|. Because
 |W_k| falls like k⁻⁵, the Cauchy-Schwarz inequality bounds this by 2 L √(2 (1 + 2⁻¹⁰ + …)) times the
 rms of the oscillation, with L = |W_1|. The rms is at most half of the range A, the largest minus
-the least value. So the bound LEAKS L A, LEAKS = 4, is more than twice what theory gives. This
-allows for harmonics k of at least the number of steps in a period, which look like slow waves and
-are at most 1e-4 of all harmonics (`integrable.TAIL`). L is evaluated at 7/8 of PERIODS, because the
-method's frequency ω̃ differs from the flow's by less than an eighth. The random walk of rounding
-and the sum of a solver's tolerances are added to the bound. A trend of r a step moves the mean by
-rτ. It is detected if it amounts to LEAKS L A over 1.5 windows, which is the whole oscillation in
-four hundred periods.
+the least value. So the bound LEAK_FACTOR L A, LEAK_FACTOR = 4, is more than twice what theory
+gives. This allows for harmonics k of at least the number of steps in a period, which look like slow
+waves and are at most 1e-4 of all harmonics (`integrable.HARMONICS_TAIL`). L is evaluated at 7/8 of
+MEAN_PERIODS, because the method's frequency ω̃ differs from the flow's by less than an eighth. The
+random walk of rounding and the sum of a solver's tolerances are added to the bound. A trend of r a
+step moves the mean by rτ. It is detected if it amounts to LEAK_FACTOR L A over 1.5 windows, which
+is the whole oscillation in four hundred periods.
 
 A mean that moves further shows a trend if the movement also grows with τ: the confidence interval
 of its exponent (`sepv.properties._growth`) must exclude bounded growth. The theory is for small h.
-If the energy moves by more than GROSS times the kinetic energy, h is halved first.
+If the energy moves by more than GROSS_SHARE times the kinetic energy, h is halved first.
 
 **The power of h.** Let e_n = H(y_n) − H(y_0), n ≤ N, over a fixed time, with weights w_n. y_n has
 an expansion in powers of h (Hairer, Lubich and Wanner, II.8), and the weights vanish to fourth
@@ -47,22 +47,23 @@ from sepv.record import EPS
 from sepv.schemes import Scheme, guarded
 from sepv.simulate import Carried, advance
 
-# The number of periods in a window, for the mean (PERIODS) and for the oscillation (SHORT).
-PERIODS, SHORT = 4, 2
+# The number of periods in a window, for the mean (MEAN_PERIODS) and for the oscillation
+# (OSCILLATION_PERIODS).
+MEAN_PERIODS, OSCILLATION_PERIODS = 4, 2
 # Distances between the first mean and the others, in windows. With more effort (`--deep`) they are
 # longer.
 WINDOW_DISTANCES = (0.1875, 0.375, 0.75, 1.5)
 # The bound of a movement of the mean, in units of L A (see the docstring of the module).
-LEAKS = 4.0
-# If the energy changes by more than GROSS times the largest kinetic energy, theory needs shorter
-# steps: h is halved, at most HALVED times, before a trend is reported.
-GROSS, HALVED = 1 / 8, 2
+LEAK_FACTOR = 4.0
+# If the energy changes by more than GROSS_SHARE times the largest kinetic energy, theory needs
+# shorter steps: h is halved, at most MAX_HALVED times, before a trend is reported.
+GROSS_SHARE, MAX_HALVED = 1 / 8, 2
 # Heuristic: an oscillation shows no power of h if its slope over the last three step sizes is lower
 # than the least one by SLOPE_DROP. Else 1 + αh + … would change eightfold although a period has 56
 # or more steps.
 SLOPE_DROP = 1.0
 # The largest number of step sizes, each half of the one before, and the least number for a verdict.
-SIZES, FEWEST = 5, 3
+ENERGY_MAX_SIZES, ENERGY_MIN_SIZES = 5, 3
 
 
 class EnergyPath:
@@ -101,7 +102,7 @@ class Stopped(Exception):
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedEnergy:
     """The judgement of the energy's trend or power of h: a verdict, a text, and `share`,
     a size over its limit.
     """
@@ -149,20 +150,20 @@ def allowed_rounding(scheme: Scheme, problem: Problem, states: Array, steps: int
     return walk + scheme.solver_tolerance * steps * size
 
 
-def trend(scheme: Scheme, orbits: Orbits, paths: int, longer: int = 1) -> Judged:
+def trend(scheme: Scheme, orbits: Orbits, paths: int, longer: int = 1) -> JudgedEnergy:
     """Judge how far the mean over a window moves in `longer` × 1.5 windows. If H moves by too much,
     h is halved.
     """
-    for halved in range(HALVED + 1):
+    for halved in range(MAX_HALVED + 1):
         found = _trend(scheme, orbits, paths, longer, 2**halved)
         if found.verdict is Verdict.HOLDS or not found.gross:
             break
     return found
 
 
-def _trend(scheme: Scheme, orbits: Orbits, paths: int, longer: int, finer: int) -> Judged:
+def _trend(scheme: Scheme, orbits: Orbits, paths: int, longer: int, finer: int) -> JudgedEnergy:
     problem, states, h = orbits.problem, orbits.of(paths), orbits.h / finer
-    path, window = EnergyPath(scheme, problem, states, h), PERIODS * orbits.steps * finer
+    path, window = EnergyPath(scheme, problem, states, h), MEAN_PERIODS * orbits.steps * finer
     offsets = [round(share * longer * window) for share in WINDOW_DISTANCES]
     kinetic = orbits.kinetic
     try:
@@ -171,22 +172,22 @@ def _trend(scheme: Scheme, orbits: Orbits, paths: int, longer: int, finer: int) 
         rounding = allowed_rounding(scheme, problem, states, window)
         if np.max(swing) <= rounding:
             text = f"H moves by {np.max(swing):.2g} at most in {window} steps, which is rounding"
-            return Judged(Verdict.HOLDS, 0.0, text, window * states.shape[1], kept=True)
+            return JudgedEnergy(Verdict.HOLDS, 0.0, text, window * states.shape[1], kept=True)
         errors = path.errors(window + offsets[-1])
     except Stopped as stopped:
         far = float(np.max(np.nan_to_num(np.abs(stopped.errors), nan=np.inf)))
-        gross = far > GROSS * kinetic
+        gross = far > GROSS_SHARE * kinetic
         if far <= kinetic:
-            return Judged(Verdict.ERROR, text=stopped.words, gross=gross)
+            return JudgedEnergy(Verdict.ERROR, text=stopped.words, gross=gross)
         text = f"H is off by {far:.2g} before {stopped.words}"
-        return Judged(Verdict.VIOLATED, far / kinetic, text, gross=gross)
+        return JudgedEnergy(Verdict.VIOLATED, far / kinetic, text, gross=gross)
     moved = means(errors, window, [0, *offsets])
     moved = moved[1:] - moved[0]
-    bounds = LEAKS * leakage(PERIODS * 7 / 8) * swing
+    bounds = LEAK_FACTOR * leakage(MEAN_PERIODS * 7 / 8) * swing
     bounds = bounds + 2 * allowed_rounding(scheme, problem, states, window + offsets[-1])
     share = np.max(np.abs(moved), axis=0) / bounds
     k = int(np.argmax(share))
-    gross = bool(np.max(np.abs(errors)) > GROSS * kinetic)
+    gross = bool(np.max(np.abs(errors)) > GROSS_SHARE * kinetic)
     slope = exponent(np.array(offsets, dtype=np.float64), moved)
     verdict = Verdict.HOLDS
     text = f"the mean moves by {np.max(np.abs(moved[:, k])):.2g} of {bounds[k]:.2g} allowed in {offsets[-1]} steps"
@@ -196,10 +197,10 @@ def _trend(scheme: Scheme, orbits: Orbits, paths: int, longer: int, finer: int) 
         text += f", as n^({slope[0]:.2f} ± {slope[1]:.2f})" + (f", {kind}" if kind != "open" else "")
     text += f"; h = {h:.3g}, where H swings by {swing[k]:.2g}"
     steps = states.shape[1] * (window + offsets[-1])
-    return Judged(verdict, float(share[k]), text, steps, gross=gross, h=h, errors=errors[:, 0])
+    return JudgedEnergy(verdict, float(share[k]), text, steps, gross=gross, h=h, errors=errors[:, 0])
 
 
-def power(scheme: Scheme, orbits: Orbits, least: float, known: Judged) -> Judged:
+def power(scheme: Scheme, orbits: Orbits, least: float, known: JudgedEnergy) -> JudgedEnergy:
     """Judge the power of h of the energy's oscillation on one path against `least`,
     with more step sizes as needed.
 
@@ -207,15 +208,15 @@ def power(scheme: Scheme, orbits: Orbits, least: float, known: Judged) -> Judged
     """
     problem, states = orbits.problem, orbits.of(1)
     sizes, rounding, steps = list[float](), list[float](), 0
-    for level in range(SIZES):
-        many, h = SHORT * orbits.steps * 2**level, orbits.h / 2**level
+    for level in range(ENERGY_MAX_SIZES):
+        many, h = OSCILLATION_PERIODS * orbits.steps * 2**level, orbits.h / 2**level
         if h == known.h and known.errors.size > many:
             errors = known.errors[: many + 1]
         else:
             try:
                 errors = EnergyPath(scheme, problem, states, h).errors(many)[:, 0]
             except Stopped as stopped:
-                return Judged(Verdict.ERROR, text=stopped.words)
+                return JudgedEnergy(Verdict.ERROR, text=stopped.words)
             steps += many
         w = weights(many)
         sizes.append(float(np.sqrt(w @ (errors - w @ errors) ** 2)))
@@ -226,28 +227,28 @@ def power(scheme: Scheme, orbits: Orbits, least: float, known: Judged) -> Judged
     return replace(found, steps=steps)
 
 
-def judged_power(sizes: list[float], rounding: list[float], least: float) -> Judged:
+def judged_power(sizes: list[float], rounding: list[float], least: float) -> JudgedEnergy:
     """Judge oscillations `sizes` at h, h/2, …, with bounds `rounding`:
     inconclusive if more step sizes may decide.
     """
     text = f"oscillations {', '.join(f'{size:.2g}' for size in sizes)} at h, h/2, …"
     if sizes[-1] <= rounding[-1]:
-        return Judged(Verdict.HOLDS, 0.0, f"{text}: the last one is rounding")
-    if len(sizes) < FEWEST:
-        return Judged(Verdict.INCONCLUSIVE, 1.0, text)
-    value, half = _slope(sizes[-FEWEST:], rounding[-FEWEST:])
+        return JudgedEnergy(Verdict.HOLDS, 0.0, f"{text}: the last one is rounding")
+    if len(sizes) < ENERGY_MIN_SIZES:
+        return JudgedEnergy(Verdict.INCONCLUSIVE, 1.0, text)
+    value, half = _slope(sizes[-ENERGY_MIN_SIZES:], rounding[-ENERGY_MIN_SIZES:])
     text += f": h^{value:.2f} ± {half:.2f}"
     if value - half >= least:
-        return Judged(Verdict.HOLDS, 2 ** (least - value + half), text)
+        return JudgedEnergy(Verdict.HOLDS, 2 ** (least - value + half), text)
     short = 2 ** (least - value - half)
-    if short > 1 and len(sizes) > FEWEST:
-        before = _slope(sizes[-FEWEST - 1 : -1], rounding[-FEWEST - 1 : -1])
+    if short > 1 and len(sizes) > ENERGY_MIN_SIZES:
+        before = _slope(sizes[-ENERGY_MIN_SIZES - 1 : -1], rounding[-ENERGY_MIN_SIZES - 1 : -1])
         if sum(before) < least:
-            return Judged(Verdict.VIOLATED, short, text)
+            return JudgedEnergy(Verdict.VIOLATED, short, text)
     fall = 0.5 * float(np.log2(sizes[-3] / sizes[-1]))
-    if len(sizes) == SIZES and fall < least - SLOPE_DROP:
-        return Judged(Verdict.VIOLATED, 2 ** (least - fall), f"{text}: it does not fall")
-    return Judged(Verdict.INCONCLUSIVE, 1.0, text)
+    if len(sizes) == ENERGY_MAX_SIZES and fall < least - SLOPE_DROP:
+        return JudgedEnergy(Verdict.VIOLATED, 2 ** (least - fall), f"{text}: it does not fall")
+    return JudgedEnergy(Verdict.INCONCLUSIVE, 1.0, text)
 
 
 def _slope(sizes: list[float], rounding: list[float]) -> tuple[float, float]:

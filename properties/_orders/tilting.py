@@ -33,11 +33,11 @@ from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
 from sepv.simulate import Watch
 
-_CHUNK = 256
-# Errors below FLOOR·eps·scale are rounding. FLOOR is smaller than for plain samples: rare paths
-# have small weights and common paths small errors, so even at smaller steps means exceed the
-# rounding of a path, which is some 10 eps.
-FLOOR = 256.0
+_TILTED_CHUNK = 256
+# Errors below TILTED_FLOOR·eps·scale are rounding. TILTED_FLOOR is smaller than for plain samples:
+# rare paths have small weights and common paths small errors, so even at smaller steps means exceed
+# the rounding of a path, which is some 10 eps.
+TILTED_FLOOR = 256.0
 
 
 def tilted_increments(
@@ -91,4 +91,6 @@ def tilted_errors(
             W = used.sum(axis=0)
             yield used, exact_flow(problem, problem.random_step(T, W)).y, W, weights
 
-    return replace(errors_of(scheme, problem, T, steps, paths, _CHUNK, draw, watch), floor=FLOOR)
+    return replace(
+        errors_of(scheme, problem, T, steps, paths, _TILTED_CHUNK, draw, watch), floor=TILTED_FLOOR
+    )

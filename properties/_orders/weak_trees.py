@@ -25,8 +25,8 @@ from sepv.simulate import advance
 
 # The end time T is short enough for slopes within 0.1 of their limits (0.25 on Lotka-Volterra), and
 # long enough for errors far above rounding.
-T = 0.0625
-STEPS = (1, 2, 3, 4, 6, 8)
+TREES_T = 0.0625
+TREES_STEPS = (1, 2, 3, 4, 6, 8)
 # The largest number of paths of N steps. Three values make 3⁸ paths with one noise, 9⁴ with two,
 # 27³ with three.
 PATHS_MAX = 20000
@@ -60,7 +60,7 @@ def tree_errors(scheme: Scheme, problem: Problem, _run: Run) -> LocalErrors:
     law = point_law(scheme.increments)
     assert law is not None
     ends = len(law.values) ** problem.noises
-    counts = [n for n in STEPS if ends**n <= PATHS_MAX]
+    counts = [n for n in TREES_STEPS if ends**n <= PATHS_MAX]
     if len(counts) < LEAST_RESOLUTIONS:
         raise Skipped(
             f"{problem.name}: {ends} ends of a step are too many to sum over {LEAST_RESOLUTIONS} steps"
@@ -68,8 +68,8 @@ def tree_errors(scheme: Scheme, problem: Problem, _run: Run) -> LocalErrors:
     weak = 1.0 if scheme.weak_order is None else scheme.weak_order
     start = np.array(problem.initial, dtype=np.float64)
     units = units_for(scheme, problem)
-    end = T * units.time
-    nodes = rule(problem.noises, T, None, int(2 * weak + 8))
+    end = TREES_T * units.time
+    nodes = rule(problem.noises, TREES_T, None, int(2 * weak + 8))
     known = local.moments_only(problem)
     if known and not isinstance(problem.data, PolynomialSystem):
         raise Skipped(

@@ -40,10 +40,10 @@ from functools import lru_cache
 
 import numpy as np
 from sepv.properties._failed_step import first_failed
-from sepv.properties._orders.consistency import Limit, limit
+from sepv.properties._orders.consistency import KappaLimit, limit
 from sepv.properties._orders.convergence import failed_path
 from sepv.properties._orders.local_errors import cases
-from sepv.properties._orders.local_orders import CLEAR, FLOOR, ROUNDING
+from sepv.properties._orders.local_orders import SOLVER_CLEAR, SOLVER_FLOOR, STEP_ROUNDING_FACTOR
 from sepv.properties._problems_of import NO_START
 
 from sepv.core.newton import Status
@@ -60,23 +60,23 @@ from sepv.simulate import advance, run_chunk
 
 # Step sizes in the problem's unit of time, √2 apart: from 4, where high orders are far above
 # rounding, to 2⁻¹³.
-RATIO = 2.0**0.5
-SIZES = 4.0 * RATIO ** -np.arange(31.0)
+QUIET_RATIO = 2.0**0.5
+QUIET_SIZES = 4.0 * QUIET_RATIO ** -np.arange(31.0)
 # Step sizes, in the same unit, that are for consistency alone.
 CONSISTENCY_STEPS = 2.0 ** -np.array([14.0, 15.0, 16.0])
 # The largest step size from which consistency is extrapolated.
 NEAR_ZERO = 2.0**-4
 # The number of step sizes in a window, which give four slopes and three extrapolations.
-WINDOW = 5
+WINDOW_SIZES = 5
 # Numbers of steps of a path from 0 to T = τ, the problem's unit of time, for a scheme with memory.
 # There LT = 2.
-PATHS, GROWTH = 2 ** np.arange(10), float(np.exp(2.0))
-# Distances of the step sizes of a window in SIZES, for the ratios √2, 2 and 4.
-STRIDES = (1, 2, 4)
-STATES = 3
+QUIET_PATH_STEPS, QUIET_PATH_GROWTH = 2 ** np.arange(10), float(np.exp(2.0))
+# Distances of the step sizes of a window in QUIET_SIZES, for the ratios √2, 2 and 4.
+WINDOW_STRIDES = (1, 2, 4)
+QUIET_STATES = 3
 # The largest half-widths of an interval that may confirm an order (half of the distance of orders)
 # or refute one.
-WIDEST, REFUTES = 0.5, 0.25
+CONFIRMING_HALF_WIDTH, REFUTING_HALF_WIDTH = 0.5, 0.25
 # A solver's unstated tolerance is relative to y, to y1 − y0 or to a force, so it causes errors
 # proportional to 1 or h. Errors that fall faster than h^TOLERANCE_MAX_POWER do not come from a
 # tolerance, however small they are.
@@ -84,22 +84,22 @@ TOLERANCE_MAX_POWER = 1.5
 # An interval that refutes must contain a whole number or be at most WHOLE_POWER_DISTANCE away from
 # one. Else it shows no power of h.
 WHOLE_POWER_DISTANCE = 0.05
-# Squares of errors must fit a sum of two powers of h up to the relative deviation FIT, at FITTED or
-# more step sizes. Not derived: simulated errors of solvers with an unstated tolerance hardly ever
-# fit as well at as many step sizes.
-FIT, FITTED = 0.03, 9
+# Squares of errors must fit a sum of two powers of h up to the relative deviation FIT_DEVIATION, at
+# FIT_MIN_SIZES or more step sizes. Not derived: simulated errors of solvers with an unstated
+# tolerance hardly ever fit as well at as many step sizes.
+FIT_DEVIATION, FIT_MIN_SIZES = 0.03, 9
 # Larger errors, in units of length, are far from any power of h, and are not used.
 LARGEST_USED_ERROR = 2.0**-4
 # The number of random members of a family of systems that are tested beside the problems with
 # names.
-MEMBERS = 2
-# Step sizes h, in the problem's unit of time, that are changed to h(1 ± NUDGE). In 32 bits these
-# are at most a quarter of a unit of the last place apart, in 64 bits millions of such units.
-PROBED = 1 / np.array([3.0, 5.0, 7.0, 11.0, 13.0])
-NUDGE = 2.0**-28
-# A step that moves y by MOVES |y| or more must show the change of h by NUDGE, which changes y1 by
-# 2⁻³⁷ |y| or more.
-MOVES = 2.0**-10
+FAMILY_MEMBERS = 2
+# Step sizes h, in the problem's unit of time, that are changed to h(1 ± STEP_NUDGE). In 32 bits
+# these are at most a quarter of a unit of the last place apart, in 64 bits millions of such units.
+PROBED_SIZES = 1 / np.array([3.0, 5.0, 7.0, 11.0, 13.0])
+STEP_NUDGE = 2.0**-28
+# A step that moves y by MOVING_SHARE |y| or more must show the change of h by STEP_NUDGE, which
+# changes y1 by 2⁻³⁷ |y| or more.
+MOVING_SHARE = 2.0**-10
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class Order:
 def judge(h: Array, e: Array, least: float, rounding: float, floor: float) -> Order:
     """Judge if errors e (L,) from one state fall at least like the power `least` of h.
 
-    Sizes h fall by factors RATIO.
+    Sizes h fall by factors QUIET_RATIO.
 
     Errors below `rounding` are not used. Errors below `floor` refute a power only if they fall
     faster than h^TOLERANCE_MAX_POWER.
@@ -134,16 +134,20 @@ def judge(h: Array, e: Array, least: float, rounding: float, floor: float) -> Or
         return Order(Verdict.HOLDS, text=f"below {floor:.1e}, which is rounding")
     used = int(np.argmin([*(e > rounding), False]))
     first = int(np.argmax(e < LARGEST_USED_ERROR))
-    for last in range(used - 1, first + WINDOW - 2, -1):  # begin with the finest window
-        windows = [slice(last - (WINDOW - 1) * n, last + 1, n) for n in STRIDES]
+    for last in range(used - 1, first + WINDOW_SIZES - 2, -1):  # begin with the finest window
+        windows = [slice(last - (WINDOW_SIZES - 1) * n, last + 1, n) for n in WINDOW_STRIDES]
         tried = [_extrapolated(h[w], e[w], rounding) for w in windows if w.start >= first]
         found = min(tried, key=lambda order: order.half)
-        if not found.half <= WIDEST or found.value < WIDEST:
+        if not found.half <= CONFIRMING_HALF_WIDTH or found.value < CONFIRMING_HALF_WIDTH:
             continue
         if found.value - found.half >= least:
             return _slower(h, e, found, last, used, least, rounding) or replace(found, verdict=Verdict.HOLDS)
         whole = abs(found.value - round(found.value)) <= found.half + WHOLE_POWER_DISTANCE
-        certain = whole and found.half <= REFUTES and (e[last] > floor or found.value > TOLERANCE_MAX_POWER)
+        certain = (
+            whole
+            and found.half <= REFUTING_HALF_WIDTH
+            and (e[last] > floor or found.value > TOLERANCE_MAX_POWER)
+        )
         if certain and found.value + found.half < least:
             return replace(found, verdict=Verdict.VIOLATED)
     return _falls(h, e, used, least, rounding) or Order(
@@ -152,7 +156,7 @@ def judge(h: Array, e: Array, least: float, rounding: float, floor: float) -> Or
 
 
 def _extrapolated(h: Array, e: Array, rounding: float) -> Order:
-    """Estimate the power of h in errors e (WINDOW,) at falling h, extrapolated to h = 0,
+    """Estimate the power of h in errors e (WINDOW_SIZES,) at falling h, extrapolated to h = 0,
     with its interval.
     """
     r = h[0] / h[1]
@@ -177,17 +181,17 @@ def _slower(
     the two finest errors. Errors by a solver's tolerance do not fit: they scatter, or fall more
     slowly than h².
     """
-    power, fine = round(found.value), slice(max(last - WINDOW + 1, 0), used)
-    certain = e[fine] > rounding / (5 * FIT)
+    power, fine = round(found.value), slice(max(last - WINDOW_SIZES + 1, 0), used)
+    certain = e[fine] > rounding / (5 * FIT_DEVIATION)
     x, E = h[fine][certain] / h[used - 1], e[fine][certain]
     for q in range(2, min(power, int(np.ceil(least)))):
-        squares, allowed = (E / x**q) ** 2, FIT + 2 * rounding / E
+        squares, allowed = (E / x**q) ** 2, FIT_DEVIATION + 2 * rounding / E
         y = x ** (power - q)
         rows = np.stack([np.ones_like(x), y, y**2, y**2 * x], axis=1) / (squares * allowed)[:, None]
         sizes = np.linalg.norm(rows, axis=0)
         parts = np.linalg.lstsq(rows / sizes, 1 / allowed, rcond=None)[0]
         off = np.abs(rows / sizes @ parts - 1 / allowed)
-        if len(x) >= FITTED and off.max() <= 1 and parts[0] / sizes[0] > squares[-2] / 2:
+        if len(x) >= FIT_MIN_SIZES and off.max() <= 1 and parts[0] / sizes[0] > squares[-2] / 2:
             text = f"h^{q} for h < {h[last]:.1e}, after {found.text}"
             return Order(Verdict.VIOLATED, float(q), 0.0, text)
     return None
@@ -237,19 +241,19 @@ class StepErrors:
 
 
 def path_errors(scheme: Scheme, problem: Problem) -> StepErrors:
-    """Compute the errors at T of paths from STATES states of a problem,
-    divided by their numbers of steps PATHS.
+    """Compute the errors at T of paths from QUIET_STATES states of a problem,
+    divided by their numbers of steps QUIET_PATH_STEPS.
 
     A step size is used if no path with this step size or a smaller one failed.
     """
     units, asked = units_of(problem), guarded(scheme)
-    starts = np.array(list(sample_states(problem, units.length))[:STATES])
+    starts = np.array(list(sample_states(problem, units.length))[:QUIET_STATES])
     try:
         flows = [exact_flow(problem, units.time, y, dense=True) for y in starts]
     except FlowFailure as failure:
         raise Skipped(f"the exact flow from a state near y0 is not known until T: {failure}") from failure
     rows, steps, failed = list[list[float]](), 0, ""
-    for count in PATHS.tolist():
+    for count in QUIET_PATH_STEPS.tolist():
         h, none, row = units.time / count, np.zeros((count, 0, 1)), list[float]()
         for y, flow in zip(starts, flows, strict=True):
             ends = run_chunk(asked, problem, y, h, none, None, track=False)
@@ -261,23 +265,23 @@ def path_errors(scheme: Scheme, problem: Problem) -> StepErrors:
         steps += count * len(starts)
         rows += [row] * bool(row)
     errors = np.array(rows).reshape(-1, len(starts)).T / units.length
-    sizes = units.time / PATHS[len(PATHS) - len(rows) :]
+    sizes = units.time / QUIET_PATH_STEPS[len(QUIET_PATH_STEPS) - len(rows) :]
     scale, flow_error = float(np.max(np.abs(starts))) / units.length, max(f.error for f in flows)
     return StepErrors(
-        problem, sizes, errors, starts.T, scale, flow_error / units.length, steps, failed, GROWTH
+        problem, sizes, errors, starts.T, scale, flow_error / units.length, steps, failed, QUIET_PATH_GROWTH
     )
 
 
 def step_errors(scheme: Scheme, problem: Problem) -> StepErrors:
-    """Compute the errors of one step from STATES states of a problem, against the exact flow,
+    """Compute the errors of one step from QUIET_STATES states of a problem, against the exact flow,
     at falling step sizes.
 
     A step size is used if no step of this size or a smaller one failed, and if the exact flow
     exists for this time. The sizes CONSISTENCY_STEPS are left out if one of them fails.
     """
     units, asked = units_of(problem), guarded(scheme)
-    starts = np.array(list(sample_states(problem, units.length))[:STATES]).T
-    h = np.concatenate([SIZES, CONSISTENCY_STEPS]) * units.time
+    starts = np.array(list(sample_states(problem, units.length))[:QUIET_STATES]).T
+    h = np.concatenate([QUIET_SIZES, CONSISTENCY_STEPS]) * units.time
     while h.size > CONSISTENCY_STEPS.size:
         try:
             flows = [exact_flow(problem, h, y, dense=True) for y in starts.T]
@@ -316,17 +320,18 @@ def rounds_step_sizes(scheme: Scheme, problem: Problem) -> float | None:
     eight h. The error of a step is then up to 2⁻²⁴ h|f| for h → 0, which is no order. By its slope
     it cannot be distinguished from a solver's tolerance.
     """
-    if scheme.dtype != "float64" or scheme.solver_tolerance > NUDGE:  # a stated tolerance is as coarse
+    if scheme.dtype != "float64" or scheme.solver_tolerance > STEP_NUDGE:  # a stated tolerance is as coarse
         return None
     units, asked = units_of(problem), guarded(scheme)
-    starts = np.array(list(sample_states(problem, units.length))[:STATES]).T
+    starts = np.array(list(sample_states(problem, units.length))[:QUIET_STATES]).T
     none = np.zeros((0, starts.shape[1]))
     alike, probes = list[float](), 0
-    for h in PROBED * units.time:
+    for h in PROBED_SIZES * units.time:
         (below, first, *_), (above, second, *_) = (
-            advance(asked, problem, starts, float(h * factor), none) for factor in (1 - NUDGE, 1 + NUDGE)
+            advance(asked, problem, starts, float(h * factor), none)
+            for factor in (1 - STEP_NUDGE, 1 + STEP_NUDGE)
         )
-        moved = np.linalg.norm(below - starts, axis=0) > MOVES * np.linalg.norm(starts, axis=0)
+        moved = np.linalg.norm(below - starts, axis=0) > MOVING_SHARE * np.linalg.norm(starts, axis=0)
         shown = (first == Status.CONVERGED) & (second == Status.CONVERGED) & moved
         if np.any(shown):
             probes += 1
@@ -337,8 +342,8 @@ def rounds_step_sizes(scheme: Scheme, problem: Problem) -> float | None:
 def orders(scheme: Scheme, found: StepErrors, least: float) -> list[Order]:
     """Judge if the errors of one step, from each state, fall like the power `least` of h."""
     tolerance = scheme.solver_tolerance
-    rounding = found.growth * (ROUNDING * EPS + 2 * tolerance) * found.scale + 2 * found.flow
-    floor = CLEAR * (FLOOR * EPS + tolerance) * found.scale
+    rounding = found.growth * (STEP_ROUNDING_FACTOR * EPS + 2 * tolerance) * found.scale + 2 * found.flow
+    floor = SOLVER_CLEAR * (SOLVER_FLOOR * EPS + tolerance) * found.scale
     judged = [judge(found.h, e, least, rounding, floor) for e in found.errors]
     if scheme.dtype != "float64" or not len(found.differences):
         return judged
@@ -350,7 +355,7 @@ def orders(scheme: Scheme, found: StepErrors, least: float) -> list[Order]:
     ]
 
 
-def _inconsistent(at_zero: Limit, judged: Order) -> Order:
+def _inconsistent(at_zero: KappaLimit, judged: Order) -> Order:
     size = float(np.max(np.abs(at_zero.value)))
     text = (
         f"{judged.text}, and {size:.1e} h for h → 0 (± {at_zero.bound:.0e}): y1 − y0 is not hf(y0) to first order. Do "
@@ -378,7 +383,7 @@ def quiet_problems(scheme: Scheme) -> tuple[Problem, ...]:
 
 @lru_cache(maxsize=16)
 def _members(family: str) -> tuple[Problem, ...]:
-    """Make MEMBERS random systems of a family, from states of size 1,
+    """Make FAMILY_MEMBERS random systems of a family, from states of size 1,
     with a full mass matrix or inertia tensor.
     """
     space = items(family)[0].space
@@ -386,7 +391,7 @@ def _members(family: str) -> tuple[Problem, ...]:
     where = {"mass": ("full",), "inertia": ("any tensor",)}
     where |= {"degree of H": ("3–4",), "|y|": ("1",), "given as": ("data",), "h": ("> 0",)}
     found = [q for _, case in space.part(where).cases(0) if (q := quiet(case)) is not None]
-    chosen = sorted(found, key=lambda case: -len(case.y))[:MEMBERS]
+    chosen = sorted(found, key=lambda case: -len(case.y))[:FAMILY_MEMBERS]
     return tuple(
         replace(case.build()[0], initial=case.y, name=f"random {family} {n}", check=False)
         for n, case in enumerate(chosen, 1)

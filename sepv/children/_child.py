@@ -29,7 +29,7 @@ from sepv.children._parent import end_with_parent, told_by_signal
 from sepv.children._watched import NoLine, Watched
 
 _LOG_BYTES = 2000  # the last bytes of stderr, which an error shows
-_DEAF = "closed its input"
+_CLOSED_INPUT = "closed its input"
 
 
 class Child(Watched):
@@ -99,7 +99,7 @@ class Child(Watched):
         deadline = time.monotonic() + seconds
         self.send(message)
         while True:
-            line = None if self.gone == _DEAF else self.line()
+            line = None if self.gone == _CLOSED_INPUT else self.line()
             if line is not None:
                 return line
             left = deadline - time.monotonic()
@@ -131,7 +131,7 @@ class Child(Watched):
         except BlockingIOError:
             return
         except BrokenPipeError:
-            self.gone, self.unsent = _DEAF, memoryview(b"")
+            self.gone, self.unsent = _CLOSED_INPUT, memoryview(b"")
         if not self.unsent and self.stdin in self.selector.get_map():
             self.selector.unregister(self.stdin)
 

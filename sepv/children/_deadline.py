@@ -15,7 +15,7 @@ from typing import Any
 # Seconds between two interruptions, in case a step swallows one.
 INTERRUPT_AGAIN_SECONDS = 1.0
 # The exit code of a copy.
-COPY = 71
+COPY_EXIT_CODE = 71
 
 
 class TimedOut(BaseException):
@@ -104,7 +104,7 @@ def one_process() -> Iterator[None]:
     finally:
         if os.getpid() != owner:
             told[0] = 1
-            os._exit(COPY)
+            os._exit(COPY_EXIT_CODE)
 
 
 def returned_twice() -> bool:

@@ -102,12 +102,12 @@ class TimeLimit:
         return self.left <= 0
 
 
-KILLED = "was killed"
+WAS_KILLED = "was killed"
 
 
 def out_of_time(seconds: float) -> str:
     """Describe the end of a process that was killed at its time limit."""
-    return f"{KILLED}: no end within {seconds:g} s (--timeout) and {KILL_GRACE:g} s more"
+    return f"{WAS_KILLED}: no end within {seconds:g} s (--timeout) and {KILL_GRACE:g} s more"
 
 
 class Crashed(Exception):
@@ -120,7 +120,7 @@ class Crashed(Exception):
     """
 
     def __init__(self, status: str, note: bytes = b"") -> None:
-        self.status, self.late = status, status.startswith(KILLED)
+        self.status, self.late = status, status.startswith(WAS_KILLED)
         self.note: dict[str, Any] | str | None = None
         self.violated: dict[str, Any] | None = None
         if note:

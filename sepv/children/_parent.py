@@ -15,7 +15,7 @@ from typing import Any
 
 _PR_SET_PDEATHSIG = 1  # prctl(2)
 # Seconds between two looks at the parent, where the system has no such signal.
-LOOK = 1.0
+LOOK_AT_PARENT_SECONDS = 1.0
 
 
 def end_with_parent(parent: int) -> None:
@@ -42,5 +42,5 @@ def _prctl() -> Any:
 
 def _look(parent: int) -> None:
     while os.getppid() == parent:
-        time.sleep(LOOK)
+        time.sleep(LOOK_AT_PARENT_SECONDS)
     os._exit(1)

@@ -9,7 +9,7 @@ from sepv.children._child import Child
 # The largest number of processes that is chosen here. With more, the longest group of laws
 # determines the time.
 WORKERS_MAX = 4
-_WAITING: dict[str, list[Child]] = {}
+_WAITING_WORKERS: dict[str, list[Child]] = {}
 
 
 def cores() -> int:
@@ -26,10 +26,10 @@ def start_ahead(module: str, count: int) -> None:
     """Start interpreters that run a module and that `take` will return.
     Without a task they end with this process.
     """
-    _WAITING.setdefault(module, []).extend(Child.of_module(module, noted=True) for _ in range(count))
+    _WAITING_WORKERS.setdefault(module, []).extend(Child.of_module(module, noted=True) for _ in range(count))
 
 
 def take(module: str) -> Child:
     """Return a process that runs `module` and waits for its task."""
-    waiting = _WAITING.get(module)
+    waiting = _WAITING_WORKERS.get(module)
     return waiting.pop() if waiting else Child.of_module(module, noted=True)

@@ -26,7 +26,7 @@ def main() -> None:
         # by then.
         atexit.register(signal.pthread_sigmask, signal.SIG_BLOCK, [signal.SIGINT])
     from sepv.children import command_started
-    from sepv.commands._watch import DEFECT, defect, watched
+    from sepv.commands._watch import EXIT_DEFECT, defect, watched
 
     def work() -> None:
         from sepv.commands._cli import main as run  # imported by the child, so that imports are watched
@@ -43,7 +43,7 @@ def main() -> None:
     except (OSError, MemoryError) as error:  # no process, descriptor or memory for the watch itself
         with suppress(OSError):
             os.write(2, f"{defect(error)}\n".encode(errors="replace"))
-        code = DEFECT
+        code = EXIT_DEFECT
     sys.exit(code)
 
 

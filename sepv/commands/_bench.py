@@ -15,11 +15,11 @@ from sepv.errors import UsageError
 
 Case = dict[str, Any]
 CHANGE_STYLES = {"worse": "bold red", "better": "green", "not settled": "yellow", "same": ""}
-EXITS = """Exit codes: 0 nothing is worse; 1 a counter, an error or a time is worse; 2 wrong usage; 3 the scheme
+BENCH_EXITS = """Exit codes: 0 nothing is worse; 1 a counter, an error or a time is worse; 2 wrong usage; 3 the scheme
 crashed, or could not be loaded."""
 
 
-@click.command(epilog=EXITS, short_help="Guard work, error and time against a file or a checkout.")
+@click.command(epilog=BENCH_EXITS, short_help="Guard work, error and time against a file or a checkout.")
 @click.argument("targets", nargs=-1, metavar="TARGET...")
 @cli.EXEC
 @click.option(

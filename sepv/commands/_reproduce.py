@@ -11,7 +11,7 @@ from sepv.commands import _shared as cli
 from sepv.errors import UsageError
 from sepv.files import json_text, write_atomically
 
-QUICK = 1 / 32
+QUICK_SHARE = 1 / 32
 
 
 @click.command(short_help="The paper's figures again, with verdicts.")
@@ -21,7 +21,9 @@ QUICK = 1 / 32
 @click.option("--errata", is_flag=True, help="Only what does not hold as printed, with its evidence.")
 @click.option("--no-figures", is_flag=True, help="With --out: numbers only, matplotlib is not needed.")
 @click.option(
-    "--quick", is_flag=True, help=f"A share of {QUICK:g} of the samples and steps; verdicts may stay open."
+    "--quick",
+    is_flag=True,
+    help=f"A share of {QUICK_SHARE:g} of the samples and steps; verdicts may stay open.",
 )
 @click.option("--seed", type=cli.NATURAL, default=0, help="Of all Wiener paths.")
 @click.option("--workers", type=cli.Workers(), default=2, help="Processes, or a Dask scheduler's address.")
@@ -58,7 +60,9 @@ def reproduce(figures: cli.Names, out: str | None, json_file: str | None, **opti
         click.echo(page(), nl=False)
         return
     folder = _folder(out, draws=not options["no_figures"])
-    size = Size(share=QUICK if options["quick"] else 1.0, seed=options["seed"], engine=options["engine"])
+    size = Size(
+        share=QUICK_SHARE if options["quick"] else 1.0, seed=options["seed"], engine=options["engine"]
+    )
     with watching(options["quiet"]) as progress:
         reproduction = run(figures, size=size, workers=options["workers"], progress=progress)
     cli.save_json(json_file, "reproduction", reproduction.to_json(), indent=None)

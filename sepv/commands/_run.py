@@ -93,14 +93,20 @@ def run(
         raise UsageError(
             expected=f"a path of {count:,} steps",
             received=f"{path.steps:,} steps; the next one, from y = {path.y.tolist()} with h = {h!r}, failed: "
-            + (remarks[-1] if remarks else path.status.text if counted else _UNCOUNTED[path.status.name]),
+            + (
+                remarks[-1]
+                if remarks
+                else path.status.text
+                if counted
+                else _WORDS_WITHOUT_SOLVER[path.status.name]
+            ),
             remedy="a smaller --h",
         )
 
 
 # The words for each status of a step of a scheme without a solver of sepv; such a solver would say
 # more.
-_UNCOUNTED = {
+_WORDS_WITHOUT_SOLVER = {
     "NO_CONVERGENCE": "the scheme refused it",
     "OVERFLOW": "its answer, or B or ∇H there, is not finite",
     "LEFT_DOMAIN": "its answer is outside the problem's domain",

@@ -17,7 +17,7 @@ import click
 
 from sepv._arguments import hex_float
 from sepv.children import interruption_answered
-from sepv.commands._watch import DEFECT, defect
+from sepv.commands._watch import EXIT_DEFECT, defect
 from sepv.console import printable
 from sepv.errors import SepvError, TargetError, UsageError
 from sepv.files import require_folder
@@ -28,7 +28,7 @@ budget; 2 wrong usage; 3 the scheme crashed, hung, or could not be loaded; 70 se
 WORDS_KEY = "sepv.words"
 # Errors of the system that no other arguments mend: a full or broken device, no more descriptors,
 # memory or processes.
-_LACKING = {
+_SYSTEM_LACKS = {
     errno.ENOSPC,
     errno.EDQUOT,
     errno.EIO,
@@ -127,7 +127,7 @@ class NumberList(click.ParamType):  # type: ignore[type-arg]  # generic in the n
 PROBLEM_OPTION = click.option(
     "--problem", "-p", default="rigid-body", metavar="PROBLEM", help="By name, file.json or module:attribute."
 )
-CLAIM = click.option(
+CLAIM_OPTION = click.option(
     "--claim", "claims", multiple=True, metavar="LAW,…", help="Hold the scheme to these laws too.", callback=listed
 )  # fmt: skip
 EXEC = click.option(
@@ -251,7 +251,7 @@ def _ended_by(error: BaseException, debug: bool) -> int:
     elif isinstance(error, KeyboardInterrupt):
         interruption_answered()
         say("sepv: interrupted")
-    elif code == DEFECT:
+    elif code == EXIT_DEFECT:
         say(defect(error))
     else:
         say(f"sepv: {error}")
@@ -264,4 +264,4 @@ def _code_of(error: BaseException) -> int:
         return 130
     if isinstance(error, SepvError):
         return 2 if isinstance(error, UsageError) and not isinstance(error, TargetError) else 3
-    return 2 if isinstance(error, OSError) and error.errno not in _LACKING else DEFECT
+    return 2 if isinstance(error, OSError) and error.errno not in _SYSTEM_LACKS else EXIT_DEFECT

@@ -23,7 +23,7 @@ SOLVABILITY_STEP_SIZES = tuple(2.0**-n for n in range(1, 11))
 # most this share.
 MEAN_TOLERANCE = 0.2
 # Step sizes with which paths are followed.
-FOLLOWED = tuple(2.0**-n for n in range(4, 10))
+FOLLOWED_STEP_SIZES = tuple(2.0**-n for n in range(4, 10))
 
 
 @click.command(short_help="Which steps have a solution, and how long a step size is safe.")
@@ -102,7 +102,8 @@ def solvability(
         )
         for method in followed if until else ():
             exits += follow_paths(
-                chosen, method, FOLLOWED, until=until, paths=paths, k=method.truncation if truncation is None else k,
+                chosen, method, FOLLOWED_STEP_SIZES, until=until, paths=paths,
+                k=method.truncation if truncation is None else k,
                 y0=y0, seed=seed, seconds=seconds / len(followed), progress=line.update,
             )  # fmt: skip
     data = regions.to_json(SOLVABILITY_STEP_SIZES, k) | {"paths": [e.to_json() for e in exits]}

@@ -37,7 +37,7 @@ PROGRAM_PREFIX = "exec:"
     "--require", multiple=True, metavar="PROFILE,…", callback=cli.listed,
     help="Profiles that must be found, such as energy,order-1; only their laws are measured.",
 )  # fmt: skip
-@cli.CLAIM
+@cli.CLAIM_OPTION
 @click.option(
     "--agrees-with", metavar="TARGET",
     help="A second program that should make the same steps (law agreement): a TARGET, or 'exec:COMMAND'.",

@@ -47,11 +47,11 @@ CTRL_C_AGAIN, LOST_CTRL_C_AGAIN, ANSWER_SECONDS = 0.5, 0.05, 1.2
 # Seconds within which a Ctrl-C from the terminal and one from the watcher count as one.
 SAME_INTERRUPT_SECONDS = 0.2
 # Signals that end a process from outside, which is no crash.
-ENDED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if os.name == "posix" else ()
-CRASHED, INTERRUPTED = 3, 130
+END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if os.name == "posix" else ()
+EXIT_CRASHED, EXIT_INTERRUPTED = 3, 130
 # The exit code EX_SOFTWARE of sysexits.h: a defect of this package, or of the system; distinct from
 # every verdict.
-DEFECT = 70
+EXIT_DEFECT = 70
 # Seconds for what is registered with atexit, after all is written. A helper process of a scheme may
 # never end.
 ATEXIT_SECONDS = 5.0
@@ -135,7 +135,7 @@ def followed() -> bool:
 
 def _unblock() -> None:
     if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDED)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, END_SIGNALS)
 
 
 def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
@@ -144,14 +144,14 @@ def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
     """
     for stream in (sys.stdout, sys.stderr):
         stream.flush()
-    taken = [n for n in ENDED if signal.getsignal(n) in (signal.SIG_DFL, signal.default_int_handler)]
+    taken = [n for n in END_SIGNALS if signal.getsignal(n) in (signal.SIG_DFL, signal.default_int_handler)]
     heard_here, heard_there = os.pipe()
     bell_here, bell = os.pipe()
     os.set_blocking(bell, False)
     before = {n: signal.signal(n, lambda *_: None) for n in (*taken, signal.SIGCHLD)}
     ringing = signal.set_wakeup_fd(bell, warn_on_full_buffer=False)
     # A signal that arrives between the fork and the child's own handler is held back.
-    signal.pthread_sigmask(signal.SIG_BLOCK, ENDED)
+    signal.pthread_sigmask(signal.SIG_BLOCK, END_SIGNALS)
     parent, child = os.getpid(), os.fork()
     if not child:
         signal.set_wakeup_fd(ringing)
@@ -221,7 +221,7 @@ class _Fork(Watched):
                 if number == signal.SIGINT:
                     self.at_once = self.since is not None
                     self.since, self.again = self.since or time.monotonic(), CTRL_C_AGAIN
-                if number in ENDED and not self.at_once:
+                if number in END_SIGNALS and not self.at_once:
                     self._send(number)
 
     def _send(self, number: int) -> None:
@@ -250,7 +250,7 @@ class _Fork(Watched):
             sys.stderr.write("\r\x1b[2K\x1b[?25h" if sys.stderr.isatty() else "")
         if not self.heard.answered:
             print("sepv: interrupted", file=sys.stderr, flush=True)
-        return INTERRUPTED
+        return EXIT_INTERRUPTED
 
     def _ended(self, code: int, killed: bool = False) -> int | None:
         if self.since is not None:
@@ -260,7 +260,7 @@ class _Fork(Watched):
         if killed:
             self.heard.crash(out_of_time(self.heard.seconds))
             return None
-        if -code in ENDED:  # this process ends by the same signal
+        if -code in END_SIGNALS:  # this process ends by the same signal
             signal.signal(-code, signal.SIG_DFL)
             os.kill(os.getpid(), -code)
         words = f"ended with {ended_with(code)}"
@@ -270,7 +270,7 @@ class _Fork(Watched):
                 "Remedy: give it more memory, open files or processes (ulimit -a)",
                 file=sys.stderr,
             )
-            return DEFECT
+            return EXIT_DEFECT
         if self.heard.crash(words):
             return None
         print(
@@ -278,7 +278,7 @@ class _Fork(Watched):
             "Remedy: `sepv verify` names the law and the case; python -X faulthandler -m sepv … shows the line",
             file=sys.stderr,
         )
-        return CRASHED
+        return EXIT_CRASHED
 
 
 def _speaker(pipe: int) -> Callable[[str, Any], None]:
@@ -324,7 +324,7 @@ def _be_watched(work: Callable[[], Any], journal: Journal, parent: int, heeds: b
     before, sys.unraisablehook = sys.unraisablehook, unraisable
     if heeds:
         signal.signal(signal.SIGINT, interrupt)
-    code = CRASHED
+    code = EXIT_CRASHED
     try:
         end_with_parent(parent)
         _unblock()
@@ -333,9 +333,9 @@ def _be_watched(work: Callable[[], Any], journal: Journal, parent: int, heeds: b
         deaf_until = float("inf")
     except KeyboardInterrupt:
         deaf_until = float("inf")
-        code = INTERRUPTED  # the watcher prints the message
+        code = EXIT_INTERRUPTED  # the watcher prints the message
     finally:
-        signal.pthread_sigmask(signal.SIG_BLOCK, ENDED)
+        signal.pthread_sigmask(signal.SIG_BLOCK, END_SIGNALS)
         if (
             os.getpid() == owner
         ):  # else this is a copy that a scheme's fork made, whose command is the parent's
@@ -355,7 +355,7 @@ def _flushed(code: int) -> int:
     except OSError as error:
         with suppress(OSError):
             os.write(2, f"{defect(error)}\n".encode(errors="replace"))
-        return DEFECT
+        return EXIT_DEFECT
     return code
 
 
@@ -369,12 +369,12 @@ def _code_of(work: Callable[[], Any]) -> int:
         if ended.code is None or isinstance(ended.code, int):
             return (ended.code or 0) & 0xFF
         print(ended.code, file=sys.stderr)
-        return DEFECT
+        return EXIT_DEFECT
     except KeyboardInterrupt:
         raise
     except BaseException as error:
         print(defect(error), file=sys.stderr)
-        return DEFECT
+        return EXIT_DEFECT
     return 0
 
 

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.console import Console
 
-# Without a bar, lines are printed after these seconds, then one every REPEAT seconds.
+# Without a bar, lines are printed after these seconds, then one every NEXT_LINE_SECONDS seconds.
 FIRST_LINE_SECONDS = 2.0
 FIRST_LINES = (FIRST_LINE_SECONDS, 5.0, 10.0, 20.0)
-REPEAT = 20.0
+NEXT_LINE_SECONDS = 20.0
 # Seconds between two checks of the work once a line is printed, so that a violation is shown soon.
 WORK_CHECK_SECONDS = 0.2
 
@@ -102,7 +102,7 @@ def showing(quiet: bool = False) -> Iterator[ShownProgress]:
 def _lines(shown: ShownProgress, out: Console, done: threading.Event) -> None:
     marks, last = list(FIRST_LINES), 0.0
     while True:
-        mark = marks.pop(0) if marks else last + REPEAT
+        mark = marks.pop(0) if marks else last + NEXT_LINE_SECONDS
         while (left := shown.started + mark - time.monotonic()) > 0:
             if done.wait(min(left, WORK_CHECK_SECONDS)):
                 return

@@ -11,7 +11,7 @@ from sepv.problem import Array, PolynomialSystem
 from sepv.problems import UNIT3, canonical, hat
 from sepv.record import poly
 
-_RESTING = PolynomialSystem(
+_RESTING_SYSTEM = PolynomialSystem(
     4,
     poly.polynomial(
         4, {(2, 0, 0, 0): 0.5, (0, 4, 0, 0): 0.25, (0, 1, 3, 0): 0.5, (1, 0, 0, 2): 0.25, (0, 0, 1, 3): 1.0}
@@ -31,7 +31,7 @@ _RANK_2 = PolynomialSystem(
 # B = |y|² hat(y) vanishes to third order at y = 0, but ∇H does not vanish, because H has a linear
 # part.
 _NORM = poly.squares((2.0, 2.0, 2.0))
-_VANISHING = PolynomialSystem(
+_VANISHING_B = PolynomialSystem(
     3, poly.add(poly.squares((1.0, 2.0, 3.0)), poly.linear((1.0, 0.5, 0.0))), hat(_NORM), (1.0,), (UNIT3,)
 )
 
@@ -75,7 +75,7 @@ FIELD_CASES = (
         "components-at-rest",
         "one component never moves, one by 1e-12: the quotients of a discrete gradient are 0/0",
         "solved: quotients are averages, which lose nothing as the denominator vanishes",
-        _RESTING, steps(1e-9, 0.1, _resting), laws=("energy", "symmetry"),
+        _RESTING_SYSTEM, steps(1e-9, 0.1, _resting), laws=("energy", "symmetry"),
     ),
     HardCase(
         "rank-0", "B = 0",
@@ -92,7 +92,7 @@ FIELD_CASES = (
         "vanishing-structure",
         "B = |y|² hat(y) about its zero, from |y| = 1 down to 1e-200 and 0, with ∇H ≠ 0 there",
         "solved; y = 0 is at rest although ∇H ≠ 0",
-        _VANISHING, steps(1e-3, 0.2, _about_the_zero), laws=("energy", "casimir", "symmetry"),
+        _VANISHING_B, steps(1e-3, 0.2, _about_the_zero), laws=("energy", "casimir", "symmetry"),
     ),
     _nearly_skew(1e-16, "1e-16", "solved: below the rounding of B itself, H is kept to its bound"),
     _nearly_skew(

@@ -15,7 +15,7 @@ from sepv.record import polynomial, squares
 
 # ½p² + (q − 1)^10, expanded: coefficients up to 252 that cancel to nothing at q = 1.
 _CANCELLING = polynomial(2, {(2, 0): 0.5, **{(0, k): float((-1) ** k * comb(10, k)) for k in range(11)}})
-_MIXED = polynomial(
+_MIXED_SCALES = polynomial(
     4, {(2, 0, 0, 0): 5e7, (0, 0, 2, 0): 5e7, (0, 2, 0, 0): 5e-9, (0, 0, 0, 4): 2.5e-9, (0, 1, 0, 1): 1e-8}
 )
 
@@ -39,7 +39,7 @@ SCALE_CASES = (
         "mixed-scales",
         "energies from 1e-8 to 1e8 in one H: the slow pair is below the rounding of the fast one",
         "solved, each component to its own scale",
-        PolynomialSystem(4, _MIXED, canonical(4)),
+        PolynomialSystem(4, _MIXED_SCALES, canonical(4)),
         steps(1e-10, 3e-7, lambda rng, n: sizes(rng, 1e-2, 1.5, (4, n))),
     ),
     HardCase(

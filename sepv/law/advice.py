@@ -36,7 +36,7 @@ MOST_TOLERANCE = 2.0**-23
 ALONE_MIN_SHARE, PAIRED_MAX_SHARE, HALVED_RANGE = 0.95, 1e-3, (0.45, 0.55)
 # The lengths of steps, relative to a case's, that an iteration to a tolerance solves with different
 # numbers of steps.
-LENGTHS = (1.0, 2.0**-4, 2.0**-10, 2.0**-24)
+STEP_LENGTHS = (1.0, 2.0**-4, 2.0**-10, 2.0**-24)
 # The largest number of parts of a step whose pairs are measured.
 PAIRED_MAX_PARTS = 5
 
@@ -119,7 +119,7 @@ def _evaluations(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
         warnings.simplefilter("ignore")
         seen = replace(problem, **watched, data=None, check=False)
         ask(scheme, seen, y, h, dW)  # what a scheme computes once for a problem is not counted
-        for share in LENGTHS:
+        for share in STEP_LENGTHS:
             calls[0] = 0
             ask(scheme, seen, y, share * h, share * dW)
             numbers.add(calls[0])

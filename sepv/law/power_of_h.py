@@ -22,9 +22,9 @@ from sepv.law.cases.case import Case
 # The most halvings of h. Defects of at most DEFECT_FLOOR times their bound are not used, because
 # rounding may change them.
 MAX_HALVINGS_OF_H, DEFECT_FLOOR = 16, 2.0
-# The power is clear if the last SLOPES slopes differ by at most APART. For p = 1 and p = 3/2 slopes
-# differ by ½.
-SLOPES, APART = 2, 0.2
+# The power is clear if the last SLOPES slopes differ by at most SLOPES_MAX_APART. For p = 1 and p =
+# 3/2 slopes differ by ½.
+SLOPES, SLOPES_MAX_APART = 2, 0.2
 
 
 Again = Callable[[Case], Measurement | None]
@@ -55,7 +55,7 @@ def power_of_h(case: Case, measured: Measurement, again: Again) -> float | None:
     if not 0 < defects[0] < math.inf:
         return None
     slopes = [math.log2(long / short) for long, short in pairwise(defects)][-SLOPES:]
-    if len(slopes) < SLOPES or max(slopes) - min(slopes) > APART:
+    if len(slopes) < SLOPES or max(slopes) - min(slopes) > SLOPES_MAX_APART:
         return None
     return slopes[-1]
 
@@ -64,8 +64,8 @@ def words(power: float | None) -> str:
     """The line of a message about the power of h."""
     if power is None:
         return "with which power of h the defect falls is not clear"
-    if abs(power) <= APART:
+    if abs(power) <= SLOPES_MAX_APART:
         return "the defect does not fall with h"
     whole = round(2 * power) / 2  # powers are multiples of ½
-    shown = f"{whole:g}" if abs(power - whole) <= APART / 2 else f"{power:.1f}"
+    shown = f"{whole:g}" if abs(power - whole) <= SLOPES_MAX_APART / 2 else f"{power:.1f}"
     return f"the defect {'falls' if power > 0 else 'grows'} like h^{shown} (h halved, ΔW ~ √h)"

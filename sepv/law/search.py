@@ -61,7 +61,7 @@ MOST_SKIPPED = 20
 # counterexample then depends on time.
 SIMPLIFY_MAX_SECONDS = 100.0
 # The largest number of designs that are stored between runs, twice what a run of all laws needs.
-DESIGNS = 64
+STORED_DESIGNS = 64
 # The list of cases ends early after this many cases that cannot be measured: each may last until a
 # call's time limit.
 MOST_FAULTS = 4
@@ -246,7 +246,7 @@ def _design(where: Question, key: str, number: int) -> list[Case]:
     """The cases of a design; under a key they are stored between runs."""
     if not key:
         return where.design(number)
-    return list(kept("designs", DESIGNS).get(f"{key} {number}", lambda: where.design(number)))
+    return list(kept("designs", STORED_DESIGNS).get(f"{key} {number}", lambda: where.design(number)))
 
 
 def _designed(question: _Question, seed: int, repeat: int) -> list[Case]:

@@ -21,7 +21,7 @@ from sepv.law.cases.case import Case
 from sepv.law.cases.classes import CLASSES
 from sepv.law.cases.from_problem import near
 from sepv.law.cases.random_cases import Parts, single
-from sepv.law.cases.strata import Stratum
+from sepv.law.cases.strata import RANDOM_GENERATORS, Stratum
 from sepv.law.tolerance import CONTRACTION
 from sepv.problem import NamedProblem, PolynomialSystem, Structure, Systems
 from sepv.record import Polynomial
@@ -32,7 +32,6 @@ __all__ = [
     "paper_steps", "poisson_systems", "polynomials", "skew_structures", "steps",
 ]  # fmt: skip
 T = TypeVar("T")
-_RANDOM = st.randoms(use_true_random=False)
 
 
 def __dir__() -> list[str]:
@@ -41,7 +40,7 @@ def __dir__() -> list[str]:
 
 def _made(make: Callable[[Random], T]) -> st.SearchStrategy[T]:
     """Build a value from random numbers that Hypothesis draws and shrinks."""
-    return _RANDOM.map(make)
+    return RANDOM_GENERATORS.map(make)
 
 
 @cache

@@ -28,9 +28,9 @@ to r.
 
 **Single precision** (`Scheme.dtype`). u is 2⁻²⁴ in the residual alone, because the suite evaluates
 H, Casimirs and references in binary64. The step starts from y0 rounded to single precision, y0 + e
-with |e| ≤ u|y0|. As a step from y0 it has a residual of r + |e| + |∂R/∂y0 e| at most. INPUTS counts
-the terms in e and the rounding of ΔW. Cases contain only numbers that single precision represents,
-so that bounds of zero remain zero.
+with |e| ≤ u|y0|. As a step from y0 it has a residual of r + |e| + |∂R/∂y0 e| at most.
+INPUT_ROUNDINGS counts the terms in e and the rounding of ΔW. Cases contain only numbers that single
+precision represents, so that bounds of zero remain zero.
 
 **s stages** of Gauss collocation: y1 = y0 + Σ_j b_j z_j, where z_j = ΔB g_j and g_j = b_j⁻¹∫ℓ_j∇H
 averages ∇H with the Lagrange polynomial ℓ_j; b_j ≥ 0, Σ_j b_j = 1. The residual of each equation
@@ -180,7 +180,7 @@ def step_residual(
     flow = np.maximum(flow.T, pushes(problem)).T
     count, least = operations(problem, stages), TINY
     if eps > EPS:
-        count, least = count + INPUTS, LEAST_SINGLE
+        count, least = count + INPUT_ROUNDINGS, LEAST_SINGLE
     residual: Array = accumulated(scheme) * (
         0.5 * eps * count * (scale + length * flow) + tolerance * scale + least
     )
@@ -197,15 +197,15 @@ def accumulated(scheme: Scheme | None) -> float:
     and 1 for one step.
     """
     count = 1 if scheme is None else as_path(scheme)[1]
-    return 1.0 if count == 1 else count * ACCUMULATED
+    return 1.0 if count == 1 else count * PATH_GROWTH
 
 
 # e^(2κ), which bounds the growth of errors over the steps of a path inside a contraction radius
 # (`_middle`).
-ACCUMULATED = float(np.exp(2 * CONTRACTION))
+PATH_GROWTH = float(np.exp(2 * CONTRACTION))
 # Roundings of y0 and ΔW to single precision before the step: 1 + κ for y0 (contraction factor κ
 # ≤ 1) and 1 for Δ.
-INPUTS = 4.0
+INPUT_ROUNDINGS = 4.0
 # The number of states along a segment at which a function that cannot be recorded is evaluated.
 SEGMENT_SAMPLES = 9
 # A bound of underflow in single precision, because some processors take its subnormal numbers

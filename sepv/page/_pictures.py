@@ -42,7 +42,7 @@ _DRAWING_STYLE = {
 }  # fmt: skip
 # Properties that are dropped from each element, because the style sheet or enclosing elements set
 # them.
-_DROPPED = re.compile("font|stroke-linejoin|stroke-linecap|stroke-dashoffset")
+_DROPPED_PROPERTIES = re.compile("font|stroke-linejoin|stroke-linecap|stroke-dashoffset")
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ def _inert(element: ElementTree.Element, paint: Mapping[str, str]) -> str:
     attributes = {key.rpartition("}")[2]: value for key, value in element.attrib.items()}
     for part in attributes.pop("style", "").split(";"):
         key, _, value = (v.strip() for v in part.partition(":"))
-        if key and not _DROPPED.match(key):
+        if key and not _DROPPED_PROPERTIES.match(key):
             attributes[key] = paint.get(value.lower(), value)
     for key in ("d", "x", "y", "transform", "stroke-width"):
         if key in attributes:

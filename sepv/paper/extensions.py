@@ -27,7 +27,7 @@ TOPS_PROBLEM, TOPS_T, TOPS_STEPS, TOPS_FINE_STEPS, TOPS_SAMPLES = (
     4096,
     400,
 )
-STAGE_COUNTS, STAGED, STAGED_SAMPLES = (1, 2, 3), (2, 4, 8, 16), 48
+STAGE_COUNTS, STAGE_STEPS, STAGE_SAMPLES = (1, 2, 3), (2, 4, 8, 16), 48
 WEAK = ("energy-preserving", "midpoint", "modified-weak-2")
 # Pairs of a scheme and increments of two or three points, with the weak order of the pair.
 POINT_PAIRS = (
@@ -95,12 +95,14 @@ def staged(stages: int, samples: int, seed: int) -> list[float]:
     """
     problem = problems.commuting_rotations()
     start = np.array(problem.initial)
-    fine = wiener.increments(seed, T=TOPS_T, steps=STAGED[-1], noises=problem.noises, paths=range(samples))
+    fine = wiener.increments(
+        seed, T=TOPS_T, steps=STAGE_STEPS[-1], noises=problem.noises, paths=range(samples)
+    )
     assert problem.closed_form is not None
     exact, errors = problem.closed_form(start, TOPS_T, fine.sum(axis=0)), []
-    for steps in STAGED:
+    for steps in STAGE_STEPS:
         y = np.repeat(start[:, None], samples, axis=1)
-        for dW in wiener.coarsen(fine, STAGED[-1] // steps):
+        for dW in wiener.coarsen(fine, STAGE_STEPS[-1] // steps):
             y = step_with_stages(problem, stages, y, TOPS_T / steps, dW)
         errors.append(float(np.sqrt(np.mean(np.sum((y - exact) ** 2, axis=0)))))
     return errors
@@ -119,7 +121,7 @@ def jobs(size: Size) -> list[Job]:
     """The jobs: errors at T with and without Lévy areas, errors at T for several stages,
     weak errors of one step.
     """
-    arguments, few = {"samples": size.samples(TOPS_SAMPLES), "seed": size.seed}, {"samples": STAGED_SAMPLES}
+    arguments, few = {"samples": size.samples(TOPS_SAMPLES), "seed": size.seed}, {"samples": STAGE_SAMPLES}
     return [
         Job(("theory", "areas"), errors, arguments, 6.0),
         *(
@@ -169,19 +171,19 @@ def _areas(errors: dict[str, list[float]]) -> Panel:
 
 
 def _staged(errors_by_stages: dict[int, list[float]]) -> Panel:
-    h = TOPS_T / np.array(STAGED)
+    h = TOPS_T / np.array(STAGE_STEPS)
     slopes = {s: judge.slope(h, e) for s, e in errors_by_stages.items()}
     statement = Statement(
         "(ours) The order can be raised with several structures too, where all flows commute: s stages, order s",
         "§5; §1: energy-preserving schemes for several structures",
         judge.decide(all(abs(v - s) < 0.35 for s, v in slopes.items()), any(v < s - 0.5 for s, v in slopes.items())),
         ", ".join(f"s = {s}: slope {v:.2f}" for s, v in slopes.items()),
-        f"within 0.35 of s: {STAGED_SAMPLES} samples give a slope over a factor of 8 in h to about 0.2",
+        f"within 0.35 of s: {STAGE_SAMPLES} samples give a slope over a factor of 8 in h to about 0.2",
     )  # fmt: skip
     return Panel(
         key="theory-several-stages", title="Several structures, commuting flows, s stages", source="§1, §5",
         series=tuple(points(f"s = {s}", h, e) for s, e in errors_by_stages.items()),
-        parameters={"problem": "commuting-rotations", "T": TOPS_T, "N": list(STAGED)}, slopes=(1.0, 2.0, 3.0),
+        parameters={"problem": "commuting-rotations", "T": TOPS_T, "N": list(STAGE_STEPS)}, slopes=(1.0, 2.0, 3.0),
         chosen=("increments are not truncated",), statements=(statement,),
         description="Errors fall with a slope that is the number of stages.",
         numbers={f"s = {s}": {"errors": e, "slope": slopes[s]} for s, e in errors_by_stages.items()},

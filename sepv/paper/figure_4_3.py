@@ -12,10 +12,11 @@ from . import judge, order, record, runs
 from .record import Job, Panel, Results, Size, Statement
 
 BODY_LOSERS = ("euler-maruyama", "euler-heun", "milstein", "discrete-gradient")
-BODY_SCHEMES = (*BODY_LOSERS, "energy-preserving", "midpoint", *record.OURS)
+BODY_SCHEMES = (*BODY_LOSERS, "energy-preserving", "midpoint", *record.ORDER_OF_OURS)
 BODY_RUNS = runs.LongRuns("4.3", "rigid-body", 1e-2, 300, BODY_SCHEMES, shared=False)
 BODY_ORDER = order.Setting(
-    "4.3", BODY_RUNS.problem, T=1.0, steps=(16, 32, 64, 128, 256), samples=1000, schemes=(*record.STATED, *record.OURS),
+    "4.3", BODY_RUNS.problem, T=1.0, steps=(16, 32, 64, 128, 256), samples=1000,
+    schemes=(*record.STATED_ORDERS, *record.ORDER_OF_OURS),
     title="Rigid body: order", source="Figure 4.3, right", place="§4.2, Theorem 3.4",
     chosen=(
         "step sizes 2^-4 to 2^-8", "1000 samples (the paper gives no number here)", "the exact solution as reference",

@@ -11,14 +11,14 @@ from . import judge, order, record, runs
 from .record import Job, Panel, Results, Size, Statement
 
 LOTKA_VOLTERRA_KEEPERS = ("energy-preserving", "discrete-gradient")
-LOTKA_VOLTERRA_SCHEMES = (*schemes.PAPER, *record.OURS)
+LOTKA_VOLTERRA_SCHEMES = (*schemes.PAPER, *record.ORDER_OF_OURS)
 LOTKA_VOLTERRA_RUNS = runs.LongRuns(
     "4.6", "lotka-volterra", 2.0**-8, 1280, LOTKA_VOLTERRA_SCHEMES, shared=False
 )
 # At h ≥ 2⁻⁶ some steps of implicit schemes have no solution, and explicit schemes leave the octant.
 LOTKA_VOLTERRA_ORDER = order.Setting(
     "4.6", LOTKA_VOLTERRA_RUNS.problem, T=0.5, steps=(128, 256, 512, 1024), samples=1000,
-    schemes=(*record.STATED, *record.OURS),
+    schemes=(*record.STATED_ORDERS, *record.ORDER_OF_OURS),
     title="Lotka-Volterra: order", source="Figure 4.6, right", place="§4.4, Theorem 3.4",
     chosen=(
         "end time 1/2, 1000 samples and step sizes 2^-8 to 2^-11 (the paper gives none of these)",

@@ -24,12 +24,13 @@ OSCILLATOR_SCHEMES = ("euler-maruyama", "energy-preserving", "milstein", "euler-
 OSCILLATOR_RUNS = runs.LongRuns(
     "4.1", "harmonic-oscillator", 1e-2, 100_000, OSCILLATOR_SCHEMES, {"energy-preserving": 1}, others=64
 )
-_SAME = "§4.1 and §3.3", "the Hamiltonian is quadratic"
+_SAME_BECAUSE = "§4.1 and §3.3", "the Hamiltonian is quadratic"
 OSCILLATOR_ORDER = order.Setting(
     "4.2", OSCILLATOR_RUNS.problem, T=5.0, steps=(80, 160, 320, 640), samples=5000,
     title="Oscillator: order", source="Figure 4.2", place="§4.1, Theorem 3.4",
     chosen=("step sizes 2^-4 to 2^-7", "the exact solution instead of Milstein's scheme with h = 2^-14"),
-    same=(("energy-preserving", "midpoint", *_SAME), ("energy-preserving", "discrete-gradient", *_SAME)),
+    same=(("energy-preserving", "midpoint", *_SAME_BECAUSE), ("energy-preserving", "discrete-gradient",
+        *_SAME_BECAUSE)),
 )  # fmt: skip
 # Errors against a scheme with a fine step, the kind of reference that §4.1 names, on fewer samples.
 OSCILLATOR_FINE = order.Setting(

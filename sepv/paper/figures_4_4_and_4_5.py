@@ -8,7 +8,7 @@ import numpy as np
 
 from sepv import problems, schemes
 from sepv.pictures import TIME_AXIS, Axis, power
-from sepv.properties import GROWTH_LEVEL as LEVEL
+from sepv.properties import GROWTH_LEVEL
 from sepv.properties import growth_exponent as exponent
 from sepv.studies import SLOPE_DOUBLINGS, Growth, growth
 
@@ -151,7 +151,7 @@ def _walk(run: runs.SampledRun) -> Statement:
     return Statement(
         "The energy error of the midpoint scheme is not bounded: it walks, as √t", NOT_SAID, verdict, measured,
         "after the first period a bounded error has exponent 0, and a random walk 1/2. Decided after "
-        f"{SLOPE_DOUBLINGS} doublings of the time, where the interval of {1 - LEVEL:.1%} is on one side of 1/4",
+        f"{SLOPE_DOUBLINGS} doublings of the time, where the interval of {1 - GROWTH_LEVEL:.1%} is on one side of 1/4",
     )  # fmt: skip
 
 
@@ -188,12 +188,12 @@ def _mean(growth_by_step: dict[float, Growth]) -> Panel:
                   judge.decide(all(agree) and coarse.drifts, not all(agree)),
                   f"over {paths} paths the mean of H drifts by {', and by '.join(rates)}, per unit of time",
                   "a symplectic map keeps area, and the energy then drifts by (1/T) d(T D)/dH alone, of order h², "
-                  f"where D is its diffusion and T the period; the intervals of {1 - LEVEL:.1%} contain it, and that "
-                  "of the larger step excludes 0"),
+                  f"where D is its diffusion and T the period; the intervals of {1 - GROWTH_LEVEL:.1%} contain it, "
+                  "and that of the larger step excludes 0"),
         Statement("The mean energy of the midpoint scheme drifts", NOT_SAID, judge.decide(coarse.drifts, False),
                   "; ".join(ends) + " (± one standard error)",
-                  f"the interval of {1 - LEVEL:.1%} of the drift between T/4 and T excludes 0; by theory the drift is "
-                  "of the order h² t"),
+                  f"the interval of {1 - GROWTH_LEVEL:.1%} of the drift between T/4 and T excludes 0; by theory the "
+                  "drift is of the order h² t"),
     )  # fmt: skip
     return Panel(
         key="4.4-energy-mean", title="Pendulum: mean energy of the midpoint scheme",

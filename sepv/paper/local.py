@@ -17,7 +17,7 @@ from sepv.properties import gaussian_rule as rule
 from sepv.properties import local_errors
 
 from . import judge
-from .record import SENTENCE, STATED, Job, Panel, Results, Size, Statement, points
+from .record import SENTENCE, STATED_ORDERS, Job, Panel, Results, Size, Statement, points
 
 LOCAL_PROBLEM = "pendulum"
 LOCAL_STEP_SIZES = tuple(2.0**-n for n in range(5, 16))
@@ -57,7 +57,7 @@ def jobs(_size: Size) -> list[Job]:
     """The jobs: one for each scheme. No job is random,
     so that none depends on the size of the reproduction.
     """
-    listed = [Job(("theory", "local", name), against_exact, {"scheme": name}, 0.5) for name in STATED]
+    listed = [Job(("theory", "local", name), against_exact, {"scheme": name}, 0.5) for name in STATED_ORDERS]
     return [*listed, Job(("theory", "local", ""), difference, {}, 0.2)]
 
 
@@ -90,7 +90,7 @@ def _of_a_scheme(name: str, mean: float, rms: float) -> Statement:
     """The statement that a scheme of order p meets Lemma 2.1 of [16]: mean error O(h^(p+1)),
     rms error O(h^(p+½)).
     """
-    p = STATED[name]
+    p = STATED_ORDERS[name]
     p1, p2 = p + 1 - EXPONENT_MARGIN, p + 0.5 - EXPONENT_MARGIN
     return Statement(
         f"{SENTENCE[name]} satisfies the local conditions for mean-square order {p:g}",
@@ -104,7 +104,7 @@ def panels(results: Results) -> list[Panel]:
     """The panel of the mean and rms error of one step of every scheme, with their slopes
     against h.
     """
-    errors = {name: results["theory", "local", name] for name in STATED}
+    errors = {name: results["theory", "local", name] for name in STATED_ORDERS}
     pair = results["theory", "local", ""]
     slopes = {n: [judge.finest_slope(e["h"], e[kind]) for kind in ("mean", "rms")] for n, e in errors.items()}
     return [Panel(

@@ -39,7 +39,7 @@ class Setting:
     T: float
     steps: tuple[int, ...]
     samples: int
-    schemes: tuple[str, ...] = tuple(record.STATED)
+    schemes: tuple[str, ...] = tuple(record.STATED_ORDERS)
     title: str = ""
     source: str = ""
     place: str = ""
@@ -69,7 +69,7 @@ def jobs(setting: Setting, size: Size) -> list[Job]:
 
 def order_statement(name: str, errors: StrongErrors, source: str) -> Statement:
     """The statement of the paper on the order of a scheme, with a verdict by the measured slope."""
-    stated = (record.STATED | record.OURS)[name]
+    stated = (record.STATED_ORDERS | record.ORDER_OF_OURS)[name]
     measured = slope(errors, SLOPE_ALPHA)
     failed = f"; {sum(errors.failures)} samples with a step that failed" if any(errors.failures) else ""
     return Statement(

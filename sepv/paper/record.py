@@ -35,13 +35,13 @@ _PAPER = {
     "milstein": ("Milstein", 1.0),
     "euler-maruyama": ("Euler-Maruyama", 0.5),
 }
-STATED = {name: order for name, (_, order) in _PAPER.items()}
+STATED_ORDERS = {name: order for name, (_, order) in _PAPER.items()}
 # The domain-keeping splitting of [23] with exact flows, which the paper names and does not show.
-OURS = {"splitting": 1.0}
+ORDER_OF_OURS = {"splitting": 1.0}
 SENTENCE = {name: words for name, (words, _) in _PAPER.items()} | {"splitting": "The splitting scheme"}
 
 # The place of each scheme in a legend; references come first, and schemes of no figure last.
-_PLACES = {name: place for place, name in enumerate(("", *STATED, *OURS))}
+_PLACES = {name: place for place, name in enumerate(("", *STATED_ORDERS, *ORDER_OF_OURS))}
 
 H_AXIS = Axis("step size h", log=True)
 ERROR_AXIS = Axis("mean-square error at the end", log=True)
@@ -213,14 +213,14 @@ def stated_in(name: str, place: str) -> str:
     """The place where the paper writes about a scheme: `place`, or §1 for the splitting,
     which no figure shows.
     """
-    return "[23] in §1" if name in OURS else place
+    return "[23] in §1" if name in ORDER_OF_OURS else place
 
 
 def sentence(name: str) -> str:
     """The name that starts a sentence about a scheme, with "(ours)" if the paper's figures do not
     show it.
     """
-    return f"{'(ours) ' if name in OURS else ''}{SENTENCE[name]}"
+    return f"{'(ours) ' if name in ORDER_OF_OURS else ''}{SENTENCE[name]}"
 
 
 # In inches; the width is that of a journal's column, 86 mm. Type has 8 points, the smallest has

@@ -28,18 +28,22 @@ from .runs import coarsened, errors
 
 # With this k of Remark 2.1 no increment of the order panel is clipped; a clipped one would add an
 # error of its own.
-UNCLIPPED = 4
+UNCLIPPED_K = 4
 REMARK_STEPS, REMARK_SAMPLES = (32, 64, 128, 256), 1000
 # The end time, the number of paths and the step sizes for Lotka-Volterra: by this time every path
 # has a refused step.
-LOST, LOST_PATHS, LOST_H = 512.0, 48, (2.0**-7, 2.0**-8, 2.0**-9)
+LOST_T, LOST_PATHS, LOST_H = 512.0, 48, (2.0**-7, 2.0**-8, 2.0**-9)
 REMARK_TIMES = tuple(2.0**k for k in range(10))
 SENTENCE_OF_SET = {
     "pendulum": "the set |p| ≤ √(p0² + 4) contains the numerical trajectories of the pendulum",
     "rigid-body": "the convex hull of the ellipsoid H(y) = H(y0) contains those of the rigid body",
 }
 SET_STEPS, SET_H, SET_PATHS = 512, 2.0**-6, 64
-CLIP, CLIP_T, CLIP_STEPS = ("harmonic-oscillator", "pendulum", "lotka-volterra"), 1.0, (4, 8, 16, 32, 64, 128)
+CLIP_PROBLEMS, CLIP_T, CLIP_STEPS = (
+    ("harmonic-oscillator", "pendulum", "lotka-volterra"),
+    1.0,
+    (4, 8, 16, 32, 64, 128),
+)
 
 
 def sublinear() -> Problem:
@@ -66,7 +70,7 @@ def sublinear_errors(samples: int, seed: int) -> StrongErrors:
     """The errors at T = 1 of (2.1) on the problem `sublinear`;
     all step sizes have the same Wiener paths.
     """
-    scheme = replace(SCHEME, truncation=UNCLIPPED)
+    scheme = replace(SCHEME, truncation=UNCLIPPED_K)
     return errors(scheme, sublinear(), T=1.0, steps=REMARK_STEPS, samples=samples, seed=seed)
 
 
@@ -164,9 +168,13 @@ def jobs(size: Size) -> list[Job]:
         {"samples": size.samples(REMARK_SAMPLES), "seed": size.seed},
     )
     lost = {
-        h: {"h": h, "steps": size.steps(round(LOST / h)), "paths": LOST_PATHS, **size.given} for h in LOST_H
+        h: {"h": h, "steps": size.steps(round(LOST_T / h)), "paths": LOST_PATHS, **size.given} for h in LOST_H
     }
-    clip = {(n, t): {"problem": n, "truncated": t, "samples": samples} for n in CLIP for t in (True, False)}
+    clip = {
+        (n, t): {"problem": n, "truncated": t, "samples": samples}
+        for n in CLIP_PROBLEMS
+        for t in (True, False)
+    }
     return [
         Job(("theory", "sublinear"), sublinear_errors, sublinear, 2.0),
         Job(("theory", "sublinear step"), sublinear_step, {}, 0.5),
@@ -207,9 +215,10 @@ def _sublinear(errors: StrongErrors, local: list[float]) -> Panel:
     return Panel(
         key="theory-unbounded-hamiltonian", title="A Hamiltonian that is not bounded", source="Remark 3.4",
         series=(rms_points(SCHEME.name, 1.0 / np.array(errors.steps), errors.squared, SCHEME.name),),
-        parameters={"H": "(1 + p²)^¾ + (1 + q²)^¾", "c": 1.0, "y0": [0.5, 1.0], "T": 1.0, "k": UNCLIPPED},
+        parameters={"H": "(1 + p²)^¾ + (1 + q²)^¾", "c": 1.0, "y0": [0.5, 1.0], "T": 1.0, "k": UNCLIPPED_K},
         chosen=(
-            f"k = {UNCLIPPED}: a clipped increment is an error of its own, which a thousand samples do not average out",
+            f"k = {UNCLIPPED_K}: a clipped increment is an error of its own, "
+            "which a thousand samples do not average out",
         ),
         slopes=(0.5, 1.0), statements=(statement,), description="Mean-square errors fall along slope one.",
         numbers={"rms": errors.rms().tolist(), "slope": measured.value, "failures": list(errors.failures)},
@@ -245,10 +254,10 @@ def _lost(results: Results) -> Panel:
     statement = Statement(
         "(ours) Paths of (2.1) for Lotka-Volterra stay where their steps have solutions, at the paper's h = 2^-8",
         "Remark 3.5",
-        judge.decide(T >= LOST and not failed[h0], failed[h0] - losses[h0]["solvable"] > LOST_PATHS // 2),
+        judge.decide(T >= LOST_T and not failed[h0], failed[h0] - losses[h0]["solvable"] > LOST_PATHS // 2),
         "; ".join(fate(h) for h in LOST_H) + "; mean of C(y) − C(y0) at h = 2^-8: "
         + ", ".join(f"{v:.2g} at t = {t:g}" for t, v in at.items()),
-        f"no step is refused by t = {LOST:g}; refuted where more than half of the paths come to a step of which "
+        f"no step is refused by t = {LOST_T:g}; refuted where more than half of the paths come to a step of which "
         "continuation from Δ = 0 finds no solution either",
         "the Casimir ln y1 + bd ln y2 − d ln y3, which keeps the exact solution in a compact set, is lost steadily by "
         "(2.1)",
@@ -270,7 +279,7 @@ def _clipped(results: Results) -> Panel:
     h = CLIP_T / np.array(CLIP_STEPS)
     shares = {
         f"{name}, {'k = 2' if k else 'not truncated'}": results["theory", "clip", name, str(k)]
-        for name in CLIP
+        for name in CLIP_PROBLEMS
         for k in (True, False)
     }
     free = shares["harmonic-oscillator, not truncated"]

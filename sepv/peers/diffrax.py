@@ -212,10 +212,10 @@ def _orders(general: float, commutative: float, additive: float, weak: Mapping[s
     return {kind: (p, weak.get(kind, 1.0)) for kind, p in strong.items()}
 
 
-_HIGH = {"additive": 2.0}
-_HIGHER = {"commutative": 2.0, "one": 2.0, "additive": 2.0}
+_ADDITIVE_ORDERS = {"additive": 2.0}
+_COMMUTATIVE_ORDERS = {"commutative": 2.0, "one": 2.0, "additive": 2.0}
 # Strong and weak orders as the table of diffrax's documentation states them.
-DOCUMENTED: dict[str, Any] = {
+DOCUMENTED_ORDERS: dict[str, Any] = {
     "Euler": _orders(0.5, 0.5, 1.0, {}),
     "EulerHeun": _orders(0.5, 0.5, 1.0, {}),
     "Heun": _orders(0.5, 1.0, 1.0, {}),
@@ -224,9 +224,9 @@ DOCUMENTED: dict[str, Any] = {
     "ItoMilstein": _orders(0.5, 1.0, 1.0, {}),
     "StratonovichMilstein": _orders(0.5, 1.0, 1.0, {}),
     "ReversibleHeun": _orders(0.5, 1.0, 1.0, {}),
-    "SPaRK": _orders(0.5, 1.0, 1.5, _HIGH),
-    "GeneralShARK": _orders(0.5, 1.0, 1.5, _HIGH),
-    "SlowRK": _orders(0.5, 1.5, 1.5, _HIGHER),
+    "SPaRK": _orders(0.5, 1.0, 1.5, _ADDITIVE_ORDERS),
+    "GeneralShARK": _orders(0.5, 1.0, 1.5, _ADDITIVE_ORDERS),
+    "SlowRK": _orders(0.5, 1.5, 1.5, _COMMUTATIVE_ORDERS),
     "ShARK": {"additive": (1.5, 2.0)},
     "SRA1": {"additive": (1.5, 2.0)},
     "SEA": {"additive": (1.0, 1.0)},
@@ -239,7 +239,7 @@ def _solver(name: str) -> Solver:
     step, path = _step_by(made, name in ("Euler", "ItoMilstein")), _path_by(made)
     return Solver(
         name=f"diffrax {name}",
-        documented=DOCUMENTED[name],
+        documented=DOCUMENTED_ORDERS[name],
         source=f"{_SOURCE} (docs.kidger.site/diffrax/devdocs/SDE_solver_table)",
         step=lambda _kind: step,
         ito=name in ("Euler", "ItoMilstein"),
@@ -250,12 +250,12 @@ def _solver(name: str) -> Solver:
 
 
 # Solvers that an older release lacks are left out.
-DIFFRAX_SOLVERS = {name: _solver(name) for name in DOCUMENTED if hasattr(diffrax, name)}
+DIFFRAX_SOLVERS = {name: _solver(name) for name in DOCUMENTED_ORDERS if hasattr(diffrax, name)}
 
 
 def _scheme(solver: Solver, name: str) -> Scheme:
     """A solver as a `Scheme` for the laws, of the order documented for commutative noise."""
-    strong, weak = DOCUMENTED[name]["commutative"]
+    strong, weak = DOCUMENTED_ORDERS[name]["commutative"]
     return Scheme(
         name=solver.name, step=_stateful(getattr(diffrax, name)()) if solver.path else solver.step("one"),
         mean_square_order=strong, weak_order=weak, truncation=None, batched=solver.path is None,

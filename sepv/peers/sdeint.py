@@ -25,7 +25,7 @@ from sepv.studies import from_states
 _INTEGRALS = {"itoSRI2": "I", "stratSRS2": "J", "stratKP2iS": "J"}
 # Options of single steps and of paths of several Hamiltonians. stratKP2iS solves its equation to
 # 1e-4 by default, which would hide an order.
-_SOLVED = {"stratKP2iS": {"rtol": 1e-12}}
+_SOLVER_OPTIONS = {"stratKP2iS": {"rtol": 1e-12}}
 
 
 def _integrate(
@@ -58,7 +58,7 @@ def _integrate(
 
 def _step_by(integrator: Callable[..., Any], ito: bool) -> Step:
     """Make a step of sdeint's integrator over (0, h), which may be given Lévy areas."""
-    more = _SOLVED.get(integrator.__name__, {})
+    more = _SOLVER_OPTIONS.get(integrator.__name__, {})
 
     def step(problem: Problem, y: Array, h: float, dW: Array, areas: Array | None = None) -> Array:
         rows = dW if areas is None else np.concatenate([dW, as_rows(areas)])
@@ -84,7 +84,9 @@ def _kp2is_paths(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
     found = np.full((len(dW) + 1, y0.size, dW.shape[2]), np.nan)
     for lane in range(dW.shape[2]):
         with suppress(StepFailure):
-            found[:, :, [lane]] = _kp2is_path(problem, y0, h, dW[:, :, [lane]], **_SOLVED["stratKP2iS"])
+            found[:, :, [lane]] = _kp2is_path(
+                problem, y0, h, dW[:, :, [lane]], **_SOLVER_OPTIONS["stratKP2iS"]
+            )
     return found
 
 

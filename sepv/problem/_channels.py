@@ -22,7 +22,7 @@ from sepv.problem._problem import Problem
 
 # The largest bracket that counts as zero, relative to its factors. Slopes by differences may have a
 # relative error of 1e-8, and a bracket that does not vanish is far larger at some sample state.
-VANISHES = 1e-6
+BRACKET_ZERO = 1e-6
 
 
 def field(problem: System, k: int, y: Array) -> Array:
@@ -147,7 +147,7 @@ def commutes(problem: Problem) -> bool:
 
 
 def _vanish(problem: Problem, values: Callable[[Array], list[Any]], *, per_field: bool = False) -> bool:
-    """True if all vectors or matrices `values(y)` are at most VANISHES times a scale,
+    """True if all vectors or matrices `values(y)` are at most BRACKET_ZERO times a scale,
     at every sample state y.
 
     The scale is about max|f_j| · max|f_j′| for the noise fields f_j at y. With `per_field` it is
@@ -160,6 +160,6 @@ def _vanish(problem: Problem, values: Callable[[Array], list[Any]], *, per_field
         bend = max((float(np.max(np.abs(slope(problem, k, lanes)))) for k in acting), default=0.0)
         unit = rate / max(1.0, float(np.max(np.abs(y))))
         size = unit if per_field else max(rate, unit) * max(bend, unit)
-        if max((float(np.max(np.abs(v))) for v in values(lanes)), default=0.0) > VANISHES * size:
+        if max((float(np.max(np.abs(v))) for v in values(lanes)), default=0.0) > BRACKET_ZERO * size:
             return False
     return True

@@ -25,11 +25,11 @@ WORDS_OF_VIEWS = {
     "bare functions": "Python functions of B, H and ∇H, without derivatives, degree or closed forms",
 }
 # The attributes that a scheme may need (`Scheme.needs`).
-NEEDED = ("hessian", "structure_derivative", "mean_gradient")
+NEEDABLE = ("hessian", "structure_derivative", "mean_gradient")
 # The attributes of a problem that every view lacks, and those that the view "bare functions" lacks
 # in addition.
-_NEVER = {"data", "name", "closed_form"}
-_DERIVED = {
+_NEVER_SHOWN = {"data", "name", "closed_form"}
+_DERIVED_ATTRIBUTES = {
     "hessian", "structure_derivative", "mean_gradient", "degree", "flows",
     "noise_structure_derivatives", "noise_hessians", "noise_flows",
 }  # fmt: skip
@@ -80,7 +80,7 @@ def _view(problem: Problem, *, bare: bool) -> Problem:
     """The problem named "system", with plain functions as parts;
     `bare` also removes derivatives and closed forms.
     """
-    hidden = _NEVER | _DERIVED if bare else _NEVER
+    hidden = _NEVER_SHOWN | _DERIVED_ATTRIBUTES if bare else _NEVER_SHOWN
     names = [f.name for f in fields(problem) if f.init and f.name not in hidden]
     shown = {name: _plain(getattr(problem, name), bare) for name in names}
     return type(problem)(**shown, name="system", check=False)

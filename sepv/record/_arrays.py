@@ -56,7 +56,7 @@ _NUMPY_FUNCTIONS: dict[str, Any] = {
 
 # Constants that are written into the text of a function. Other constants are parameters, so that
 # functions that differ only in them share one text.
-_WRITTEN = {0.0, 0.5, 1.0, 2.0, 3.0, -0.5, -1.0, -2.0, -3.0, math.inf, -math.inf}
+_WRITTEN_CONSTANTS = {0.0, 0.5, 1.0, 2.0, 3.0, -0.5, -1.0, -2.0, -3.0, math.inf, -math.inf}
 
 
 class Source(NamedTuple):
@@ -94,8 +94,12 @@ def source(inputs: Sequence[Any], outputs: Any) -> Source:
     for symbol in order:
         index, line = symbol.index, symbol.line
         if line.name == "constant":
-            number = parameters.setdefault(line.value, len(parameters)) if line.value not in _WRITTEN else 0
-            shown[index] = f"({line.value!r})" if line.value in _WRITTEN else f"p[{number}]"
+            number = (
+                parameters.setdefault(line.value, len(parameters))
+                if line.value not in _WRITTEN_CONSTANTS
+                else 0
+            )
+            shown[index] = f"({line.value!r})" if line.value in _WRITTEN_CONSTANTS else f"p[{number}]"
             continue
         arguments = [shown[i] for i in line.arguments]
         if line.name == "input":

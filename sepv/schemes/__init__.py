@@ -28,7 +28,7 @@ from sepv.schemes._catalogue import built_in as built_in
 from sepv.schemes._catalogue import by_name as by_name
 from sepv.schemes._claims import (
     ALL_LAWS,
-    FORMER,
+    FORMER_LAWS,
     LAWS,
     LOCAL_LAWS,
     OF_TWINS,

@@ -68,7 +68,7 @@ PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-m
 
 # Names of former versions, and the laws that say now what they said. They work for one version
 # more.
-FORMER = {
+FORMER_LAWS = {
     "symplecticity": "poisson-map:constant",
     "any-casimir": "invariant:casimir",
     "casimir-drift": "invariant:casimir",
@@ -89,9 +89,9 @@ def law_named(name: str) -> str:
     as it is.
     """
     plain = name.strip().replace("_", "-")
-    if plain in FORMER:
+    if plain in FORMER_LAWS:
         note_former(plain)
-    return FORMER.get(plain, plain)
+    return FORMER_LAWS.get(plain, plain)
 
 
 @cache
@@ -101,7 +101,7 @@ def note_former(name: str) -> None:
     """
     if multiprocessing.parent_process() is None:
         warnings.warn(
-            f"the law {name} is now {FORMER[name]}: the old name ends with the next version",
+            f"the law {name} is now {FORMER_LAWS[name]}: the old name ends with the next version",
             FutureWarning,
             stacklevel=2,
         )

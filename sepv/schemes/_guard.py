@@ -64,7 +64,7 @@ def _where(error: BaseException) -> str:
 
 
 # The names of JAX's errors for NumPy functions that are called with JAX's tracers.
-_TRACED = {"TracerArrayConversionError", "ConcretizationTypeError", "TracerBoolConversionError"}
+_TRACER_ERRORS = {"TracerArrayConversionError", "ConcretizationTypeError", "TracerBoolConversionError"}
 
 
 class SchemeCrash(SepvError):
@@ -77,10 +77,10 @@ class SchemeCrash(SepvError):
         kind = type(error).__name__
         remedy = (
             "a problem's functions are NumPy's; sepv.posing.pose gives the same as JAX's (docs/adapting.md)"
-            if kind in _TRACED
+            if kind in _TRACER_ERRORS
             else "--debug with the replay command shows the traceback"
         )
-        text = said(error).partition("\n")[0] if kind in _TRACED else said(error)
+        text = said(error).partition("\n")[0] if kind in _TRACER_ERRORS else said(error)
         super().__init__(
             f"The scheme raised {kind}: {text}{_where(error)}\n"
             f"Expected y_next of shape {shape} from step(problem, y, h, dW){given}.\n"

@@ -28,7 +28,7 @@ from sepv.schemes._stateful import StatefulStep
 
 # The positional arguments of a step.
 _ARGUMENTS = ("problem", "y", "h", "dW")
-_UNCLAIMED = "a function of which nothing is claimed"
+_NOTHING_CLAIMED = "a function of which nothing is claimed"
 
 
 def load_scheme(
@@ -59,7 +59,7 @@ def load_scheme(
     extra = frozenset(claims)
     if not extra:
         return scheme
-    source = "a function" if scheme.source == _UNCLAIMED else scheme.source
+    source = "a function" if scheme.source == _NOTHING_CLAIMED else scheme.source
     return replace(scheme, claims=frozenset(scheme.claims) | extra, source=source)
 
 
@@ -86,7 +86,7 @@ def as_scheme(value: Any, name: str, problems: Iterable[Problem] = ()) -> Scheme
     _check_signature(value, name)
     from sepv.schemes._guard import takes_batches
 
-    scheme = Scheme(name=name, step=value, source=_UNCLAIMED)
+    scheme = Scheme(name=name, step=value, source=_NOTHING_CLAIMED)
     # A state may be any object: only its author can say that it takes batches.
     batched = not isinstance(value, StatefulStep) and takes_batches(scheme, problems)
     return replace(scheme, batched=batched)

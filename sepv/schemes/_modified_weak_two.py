@@ -46,8 +46,8 @@ from sepv.problem import Array, Problem, average_gradient, dot, matmul, matvec, 
 from sepv.schemes._one_step import CLAIMS_OF_ALL, Implicit, one_step
 
 # Weights of central differences of order six, exact for polynomials of degree 7 at any width.
-SECOND = (270.0, -27.0, 2.0)
-MIDDLE = -490.0
+SECOND_WEIGHTS = (270.0, -27.0, 2.0)
+MIDDLE_WEIGHT = -490.0
 # The width of differences, relative to |y| or the length of a step, whichever is larger. So the
 # width has the units of y, and near y = 0 rounding errors are of the order of a rounding of the
 # step.
@@ -92,8 +92,8 @@ def structure_curvature(problem: Problem, y: Array, w: Array, length: Array | fl
     `length` is as in `structure_slope`.
     """
     width, direction, size = _along(y, w, length)
-    total = MIDDLE * problem.structure(y)
-    for n, weight in enumerate(SECOND, 1):
+    total = MIDDLE_WEIGHT * problem.structure(y)
+    for n, weight in enumerate(SECOND_WEIGHTS, 1):
         ahead, behind = y + n * width * direction, y - n * width * direction
         total = total + weight * (problem.structure(ahead) + problem.structure(behind))
     return np.asarray(total / (180 * width * width) * (size * size))

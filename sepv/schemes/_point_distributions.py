@@ -107,9 +107,9 @@ class PointLaw:
 
 TWO_POINT = PointLaw("two-point", (-1.0, 1.0), (0.5, 0.5))
 THREE_POINT = PointLaw("three-point", (-math.sqrt(3.0), 0.0, math.sqrt(3.0)), (1 / 6, 2 / 3, 1 / 6))
-NAMED = {law.name: law for law in (TWO_POINT, THREE_POINT)}
+LAW_OF_NAME = {law.name: law for law in (TWO_POINT, THREE_POINT)}
 NORMAL = "normal"
-POINT_LAWS = (NORMAL, *NAMED)
+POINT_LAWS = (NORMAL, *LAW_OF_NAME)
 
 
 def point_law(increments: str | PointLaw | None) -> PointLaw | None:
@@ -121,10 +121,10 @@ def point_law(increments: str | PointLaw | None) -> PointLaw | None:
     if increments is None or isinstance(increments, PointLaw):
         return increments
     name = str(increments).strip().replace("_", "-")
-    if name != NORMAL and name not in NAMED:
+    if name != NORMAL and name not in LAW_OF_NAME:
         raise UsageError(
             expected=f"increments, one of {', '.join(POINT_LAWS)}, or a sepv.PointLaw",
             received=did_you_mean(name, POINT_LAWS),
             remedy="normal ones where paths matter, two- and three-point ones for weak orders 1 and 2",
         )
-    return NAMED.get(name)
+    return LAW_OF_NAME.get(name)

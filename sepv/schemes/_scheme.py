@@ -15,7 +15,7 @@ from sepv._arguments import floats, is_number, is_whole
 from sepv.core.step import Solution
 from sepv.errors import UsageError, require_one_of
 from sepv.problem import Array, Problem, Systems
-from sepv.problems.shown_to_schemes import NEEDED
+from sepv.problems.shown_to_schemes import NEEDABLE
 from sepv.record import EPS
 from sepv.schemes._claims import PATHWISE, law_named, require_laws
 from sepv.schemes._picture_look import Look
@@ -24,7 +24,7 @@ from sepv.schemes._stateful import PathSolver, StatefulStep
 
 # Kinds of a step's fifth argument: none, Lévy areas, increments over the first half, or space-time
 # Lévy areas.
-ASKS = ("", "areas", "halves", "space-time")
+KINDS_OF_ASK = ("", "areas", "halves", "space-time")
 DTYPES = ("float64", "float32")
 # The rounding error of a step in single precision, in units of one rounding of y: y, the increment
 # and their sum are rounded. Laws that compare errors with a floor add this error to it. Laws about
@@ -309,11 +309,11 @@ _ATTRIBUTES: dict[str, tuple[Callable[[Any], Any], str]] = {
     "dtype": (lambda v: v in DTYPES, '"float64" or "float32"'),
     "stages": (lambda v: is_whole(v) and v >= 1, "an integer ≥ 1"),
     "needs": (
-        lambda v: isinstance(v, Iterable) and not isinstance(v, str) and all(n in NEEDED for n in v),
-        f"names of {', '.join(NEEDED)}",
+        lambda v: isinstance(v, Iterable) and not isinstance(v, str) and all(n in NEEDABLE for n in v),
+        f"names of {', '.join(NEEDABLE)}",
     ),
     "twin": (lambda v: v is None or isinstance(v, Twin), "a sepv.schemes.Twin"),
-    "asks": (lambda v: v in ASKS, '"areas", "halves" or "space-time"'),
+    "asks": (lambda v: v in KINDS_OF_ASK, '"areas", "halves" or "space-time"'),
     "longest_step": (
         lambda v: callable(v) or _is_positive(v), "a number > 0 or a function (problem, y, h, dW) -> bool",
     ),

@@ -23,7 +23,7 @@ from sepv.pictures import (
 from sepv.problem import Array, Problem, changes_of_invariants
 
 # The largest numbers of curves, of points of a curve's strips, and of ends in a picture.
-CURVES, STRIPS, ENDS = 6, 400, 2000
+MAX_CURVES, MAX_STRIPS, MAX_ENDS = 6, 400, 2000
 ENDS_SIZE = (9.5, 3.8)
 
 
@@ -64,18 +64,18 @@ def path_figure(path: Path) -> Any:
     problem.
     """
     require_matplotlib("the arrays t and y need none")
-    components = [_curve(f"y{i}", path.t, values) for i, values in enumerate(path.y[:CURVES], 1)]
+    components = [_curve(f"y{i}", path.t, values) for i, values in enumerate(path.y[:MAX_CURVES], 1)]
     sides = {_label("state", path.y.shape[0]): components}
     if path.problem is not None:
         changes = list(changes_of_invariants(path.problem, path.y).items())
         sides[_label("change since t = 0", len(changes))] = [
-            _curve(name, path.t, values) for name, values in changes[:CURVES]
+            _curve(name, path.t, values) for name, values in changes[:MAX_CURVES]
         ]
     with figure(
         ENDS_SIZE[0] if len(sides) > 1 else ENDS_SIZE[0] / 2, ENDS_SIZE[1], layout="constrained"
     ) as drawn:
         for axes, (label, curves) in zip(np.ravel(drawn.subplots(1, len(sides))), sides.items(), strict=True):
-            draw_curves(axes, curves, looks([""]), TIME_AXIS, Axis(label), most=STRIPS)
+            draw_curves(axes, curves, looks([""]), TIME_AXIS, Axis(label), most=MAX_STRIPS)
             axes.legend(ncols=3, loc="lower right", bbox_to_anchor=(1, 1))
         if path.problem is not None:
             drawn.suptitle(f"{path.problem.name}: {path.y.shape[1] - 1:,} steps")
@@ -101,7 +101,7 @@ def ensemble_figure(ends: DrawnEnds) -> Any:
 
 
 def _label(what: str, count: int) -> str:
-    return what if count <= CURVES else f"{what}, the first {CURVES} of {count}"
+    return what if count <= MAX_CURVES else f"{what}, the first {MAX_CURVES} of {count}"
 
 
 def _curve(name: str, t: Array, values: Array) -> Series:
@@ -114,7 +114,7 @@ def _bands(axes: Any, times: Array, states: Array) -> None:
     """
     if not states.shape[2]:
         return
-    low, middle, high = np.quantile(states[:CURVES], (0.05, 0.5, 0.95), axis=2)
+    low, middle, high = np.quantile(states[:MAX_CURVES], (0.05, 0.5, 0.95), axis=2)
     curves = [_curve(f"y{i}", times, values) for i, values in enumerate(middle, 1)]
     for look, below, above in zip(looks_of(curves, looks([""])), low, high, strict=True):
         axes.fill_between(times, below, above, color=look.colour, alpha=0.15, linewidth=0)
@@ -123,11 +123,13 @@ def _bands(axes: Any, times: Array, states: Array) -> None:
 
 
 def _ends(axes: Any, y: Array) -> None:
-    """The ends y (d, M) of the first `ENDS` paths: y2 against y1,
+    """The ends y (d, M) of the first `MAX_ENDS` paths: y2 against y1,
     or their order against y1 if d = 1.
     """
     drawn = (
-        y[:, :ENDS] if len(y) > 1 else np.stack([np.sort(y[0]), np.arange(1, y.shape[1] + 1) / y.shape[1]])
+        y[:, :MAX_ENDS]
+        if len(y) > 1
+        else np.stack([np.sort(y[0]), np.arange(1, y.shape[1] + 1) / y.shape[1]])
     )
     (look,) = looks_of([Series("", (), ())], looks([""]))
     axes.plot(drawn[0], drawn[1], **line(look, "points"))

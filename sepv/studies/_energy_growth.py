@@ -8,9 +8,10 @@ energy drifts; the drift is smaller than the walk until t is of the order 1/h²
 
 The errors at the times T/2^k are taken on the same paths. The growth is the exponent p of rms ∝ t^p
 over the last SLOPE_DOUBLINGS doublings of t; the drift is the mean over paths of (H(T) −
-H(T/4))/(3T/4). Both have intervals of confidence 1 − LEVEL, the first by a jackknife over paths. If
-means over many paths are normal, one kind of growth is mistaken for another with probability at
-most LEVEL. A drift that does not exist is found with probability at most LEVEL.
+H(T/4))/(3T/4). Both have intervals of confidence 1 − GROWTH_LEVEL, the first by a jackknife over
+paths. If means over many paths are normal, one kind of growth is mistaken for another with
+probability at most GROWTH_LEVEL. A drift that does not exist is found with probability at most
+GROWTH_LEVEL.
 
 This is a study and not a law of the suite. Schemes that do not keep H claim nothing about how the
 error of H grows. Seeing the drift of a symplectic scheme takes 10⁷ steps, fifty times the steps of
@@ -30,7 +31,7 @@ from sepv.errors import UsageError
 from sepv.files import finite
 from sepv.pictures import Axis, Series, looks, panels
 from sepv.problem import Array, Problem
-from sepv.properties import GROWTH_LEVEL as LEVEL
+from sepv.properties import GROWTH_LEVEL
 from sepv.properties import energy_rounding_walk as rounding_walk
 from sepv.properties import growth_exponent as exponent
 from sepv.properties import growth_kind as kind_of
@@ -153,7 +154,7 @@ def judged(
     """
     paths = errors.shape[1]
     rates = (errors[-1] - errors[-3]) / (times[-1] - times[-3])
-    half = float(students_t(LEVEL / 2, paths - 1) * np.std(rates, ddof=1) / np.sqrt(paths))
+    half = float(students_t(GROWTH_LEVEL / 2, paths - 1) * np.std(rates, ddof=1) / np.sqrt(paths))
     late = slice(-SLOPE_DOUBLINGS - 1, None)
     return Growth(
         scheme, paths, times, np.mean(errors, axis=1), np.std(errors, axis=1, ddof=1) / np.sqrt(paths),

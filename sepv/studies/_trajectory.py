@@ -23,7 +23,7 @@ import numpy as np
 
 from sepv.errors import SepvError, UsageError
 from sepv.problem import Array, Problem
-from sepv.properties import GROWTH_LEVEL as LEVEL
+from sepv.properties import GROWTH_LEVEL
 from sepv.properties import energy_rounding_walk as rounding_walk
 from sepv.properties import growth_exponent as exponent
 from sepv.properties import growth_kind as kind_of
@@ -40,8 +40,8 @@ __all__ = ["TREND", "Drift", "Mismatch", "Rows", "drifts", "first_mismatch", "re
 # errors.
 FEWEST_BLOCKS, BLOCKS = 16, 64
 TREND = "a trend, linear or faster"
-# Rounding of a step relative to |y|: the residual of our solvers is at most 256 eps (`ROUNDING` of
-# the stop rule).
+# Rounding of a step relative to |y|: the residual of our solvers is at most 256 eps
+# (`RESIDUAL_ROUNDING` of the stop rule).
 STEP_ROUNDING = 256 * EPS
 # Digits are allowed a quarter more than their first-order effect, for the curvature of the step
 # over half a unit. This factor is a heuristic: for three digits and a step of the size of y, the
@@ -94,7 +94,7 @@ class Drift:
         ends = np.linspace(0, self.errors.size - 1, FEWEST_BLOCKS + 1).astype(int)
         changes = np.diff(self.errors[ends])
         error = float(np.std(changes, ddof=1)) / FEWEST_BLOCKS**0.5
-        return bool(abs(np.mean(changes)) > students_t(LEVEL / 2, FEWEST_BLOCKS - 1) * error)
+        return bool(abs(np.mean(changes)) > students_t(GROWTH_LEVEL / 2, FEWEST_BLOCKS - 1) * error)
 
     def sentence(self) -> str:
         """The verdict on one line."""

@@ -192,14 +192,14 @@ def fails(f: Finding, pinned: frozenset[str] | None = None) -> bool:
     return f.verdict is not Verdict.HOLDS and not unasked
 
 
-_TOLD = (
+_TOLD_MEMBERS = (
     "law", "claimed", "verdict", "defect", "bound", "at_least", "unit", "source", "witness", "replay", "checks",
     "skipped", "share", "message", "expected", "seconds", "afresh", "power",
 )  # fmt: skip
 
 
 def _finding_json(finding: Finding) -> dict[str, Any]:
-    fields = {key: getattr(finding, key) for key in _TOLD}
+    fields = {key: getattr(finding, key) for key in _TOLD_MEMBERS}
     # A defect or an interval's end that is not finite becomes null: the message describes it.
     told: dict[str, Any] = finite(
         fields | {"verdict": finding.verdict.value, "seconds": round(finding.seconds, 3)}

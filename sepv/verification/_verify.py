@@ -43,7 +43,7 @@ from sepv.verification._profiles import requirements
 from sepv.verification._shown import Report
 from sepv.verification._side_by_side import WORKER
 
-UNDECIDED = "interrupted before it was decided"
+INTERRUPTED_UNDECIDED = "interrupted before it was decided"
 LawProgress = Callable[[Law, "Finding | None"], None]
 
 
@@ -149,7 +149,7 @@ def verify(
         if progress:
             progress(law, finding)
 
-    interrupted, why = False, UNDECIDED
+    interrupted, why = False, INTERRUPTED_UNDECIDED
     try:
         if workers is not None or (jobs > 1 and len(chosen) > 1):
             named = scheme if isinstance(scheme, str) else candidate
@@ -180,7 +180,7 @@ def verify(
     named = target + twin.options if target and twin else target
     report = Report(candidate, findings, effort, interrupted, known.claims, named, required=required)
     gaps = known.gaps((law.name for law in chosen), candidate.name, report.problems)
-    lost = why if why != UNDECIDED else ""
+    lost = why if why != INTERRUPTED_UNDECIDED else ""
     return replace(report, gaps=tuple(gaps), lost=lost)
 
 

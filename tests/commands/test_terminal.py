@@ -24,7 +24,7 @@ from rich.console import Console
 
 import sepv
 from sepv.commands._cli import COMMANDS, main
-from sepv.commands._watch import DEFECT
+from sepv.commands._watch import EXIT_DEFECT
 from sepv.console import Table, ascii_text, columns, console, kept, print_table
 from sepv.faults import detection as fault_detection
 from sepv.schemes import midpoint
@@ -181,8 +181,8 @@ def test_a_defect_of_our_own_is_no_verdict(monkeypatch: pytest.MonkeyPatch) -> N
         raise TypeError("a defect")
 
     monkeypatch.setattr("sepv.verification._report.summary", broken)
-    assert DEFECT == 70
-    shown = command("verify midpoint --law truncation", DEFECT).output
+    assert EXIT_DEFECT == 70
+    shown = command("verify midpoint --law truncation", EXIT_DEFECT).output
     assert "a defect of sepv itself, and no verdict: TypeError: a defect" in shown
 
 

@@ -32,7 +32,7 @@ from sepv.law.cases.fixed_cases import fixed_cases
 from sepv.law.cases.from_problem import is_near
 from sepv.law.cases.random_parts import ALL_COMPONENTS_DIMENSION
 from sepv.law.cases.shrink import shrunk
-from sepv.law.cases.strata import EXTREME_SIZES, NEAR, STILL, UNDONE, UNEVEN, Levels, Space
+from sepv.law.cases.strata import EXTREME_SIZES, NEAR_REST, NO_STEP, NO_TIME, UNEVEN_NOISES, Levels, Space
 from sepv.law.contraction import contraction_radius
 from sepv.law.search import MOST_SKIPPED
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, Systems, mechanics, vector_field
@@ -381,11 +381,11 @@ def test_one_case_of_each_kind_follows_the_design(systems: Systems) -> None:
     for name, case in found.items():
         problem, y, h, dW = case.build()
         parts = np.abs(problem.c * dW)
-        if name == STILL.name:
+        if name == NO_TIME.name:
             assert h == 0 < parts.max()
-        elif name == UNDONE.name:
+        elif name == NO_STEP.name:
             assert h > 0 == problem.random_step(h, dW)
-        elif name == UNEVEN.name and np.count_nonzero(problem.c) > 1:
+        elif name == UNEVEN_NOISES.name and np.count_nonzero(problem.c) > 1:
             assert parts.max() > 10 * parts[problem.c > 0].min()
         elif name in (EXTREME_SIZES[0].name, EXTREME_SIZES[1].name):
             # The brackets of several Hamiltonians are products of three coefficients.
@@ -393,7 +393,7 @@ def test_one_case_of_each_kind_follows_the_design(systems: Systems) -> None:
         assert length(case) <= contraction_radius(problem, y)
         if systems is Systems.RIGID_BODIES:
             assert {abs(c) for _, _, p in case.problem.structure for _, c in p.terms} == {1.0}
-    assert {NEAR.name, EXTREME_SIZES[0].name} <= set(found) or systems not in (
+    assert {NEAR_REST.name, EXTREME_SIZES[0].name} <= set(found) or systems not in (
         Systems.SINGLE,
         Systems.HAMILTONIANS,
     )

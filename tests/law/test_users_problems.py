@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 import sepv
 from sepv import problems
 from sepv.law.cases import case
-from sepv.law.cases.classes import FAMILIES
+from sepv.law.cases.classes import NARROW_CLASSES
 from sepv.law.cases.from_problem import measured_radius
 from sepv.law.cases.of_law import Question
 from sepv.law.cases.users_problems import items
@@ -202,7 +202,7 @@ def cases_of_families() -> list[Question | str]:
     """
     return [
         law.cases.of_problems(items(str(name)))
-        for name in FAMILIES
+        for name in NARROW_CLASSES
         for law in load_laws(["energy", "identity", "noise-sum", "reduction"])
         # Several Hamiltonians and additive noise keep no H, and have no equation of (2.1); damping
         # has own laws, and so has friction.

@@ -29,7 +29,7 @@ from sepv.paper import (
     runs,
 )
 from sepv.paper.errata import ENTRIES, Erratum, Evidence
-from sepv.paper.record import FIGURE_HEIGHT, OURS, STATED, Size, draw, rms_points
+from sepv.paper.record import FIGURE_HEIGHT, ORDER_OF_OURS, STATED_ORDERS, Size, draw, rms_points
 from sepv.paper.suite import Reproduction, reproduce
 from sepv.paper.suite import _run as run_jobs
 from sepv.pictures import Axis, draw_curves, figure, looks, looks_of
@@ -189,7 +189,7 @@ def test_curves_have_one_order_in_all_legends_and_no_two_look_alike(rigid: Repro
     )
     for panel in (*rigid.panels, fine):
         names = [s.scheme for s in panel.series]
-        assert names == sorted(names, key=(*STATED, *OURS).index)
+        assert names == sorted(names, key=(*STATED_ORDERS, *ORDER_OF_OURS).index)
         used = looks_of(panel.series, looks(s.look_key for s in panel.series))
         assert len({(look.colour, look.marker, look.dash) for look in used}) == len(panel.series)
 

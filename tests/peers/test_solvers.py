@@ -62,7 +62,7 @@ def test_a_solver_follows_the_path_of_the_reference(library, name, monkeypatch):
     """Of another path, or of areas of another path, the error would stay."""
     monkeypatch.setattr(measurements, "SOLVER_STEPS", (4, 32))
     monkeypatch.setattr(measurements, "BATCH_PATHS", 64)
-    monkeypatch.setattr(measurements, "SINGLE_PATHS", 32)
+    monkeypatch.setattr(measurements, "UNBATCHED_PATHS", 32)
     found = measurements._over_paths(solver(library, name), "one", 0)
     assert found["failed"] == 0
     assert found["rms"][1] < found["rms"][0] / 5 < 0.01

@@ -195,7 +195,7 @@ def test_the_witness_of_a_seldom_fault_is_found_again() -> None:
 def test_a_scheme_too_slow_to_be_asked_so_often_is_asked_as_often_as_time_allows(
     monkeypatch,
 ):
-    monkeypatch.setattr(_without_memory, "MOST_SECONDS", 0.0)
+    monkeypatch.setattr(_without_memory, "REPEAT_MAX_SECONDS", 0.0)
     asked = [0]
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:

@@ -371,4 +371,4 @@ def test_steps_of_the_response_are_small_beside_the_slope() -> None:
     for problem in cases(energy_preserving.systems):
         for posed, h, A in truncation._steps(energy_preserving, problem, 0, 2, rng.random(40)):
             slope = truncation.rates_at(posed, np.array(posed.initial))[1]
-            assert slope * (h + posed.c[0] * math.sqrt(h) * A) <= truncation.REACH * (1 + 1e-9)
+            assert slope * (h + posed.c[0] * math.sqrt(h) * A) <= truncation.INCREMENT_REACH * (1 + 1e-9)

@@ -13,7 +13,7 @@ from sepv.properties import renamed
 
 import sepv
 from sepv import Scheme, schemes
-from sepv.schemes import ALL_LAWS, FORMER, page_of
+from sepv.schemes import ALL_LAWS, FORMER_LAWS, page_of
 from sepv.schemes._claims import note_former
 from sepv.verification import Effort, Verdict, load_expectations, load_laws
 
@@ -30,19 +30,19 @@ def unnoted() -> Iterator[None]:
 
 def test_there_are_few_laws_and_each_former_name_leads_to_one() -> None:
     assert len({page_of(law) for law in ALL_LAWS}) <= 32
-    assert set(FORMER.values()) <= set(ALL_LAWS)
-    assert not set(FORMER) & set(ALL_LAWS)
+    assert set(FORMER_LAWS.values()) <= set(ALL_LAWS)
+    assert not set(FORMER_LAWS) & set(ALL_LAWS)
     assert all(page_of(law) in ALL_LAWS for law in ALL_LAWS)
 
 
-@pytest.mark.parametrize("old", FORMER)
+@pytest.mark.parametrize("old", FORMER_LAWS)
 def test_a_former_name_is_a_claim_and_a_law_and_is_noted_once(old: str) -> None:
-    with pytest.warns(FutureWarning, match=f"the law {old} is now {FORMER[old]}") as noted:
+    with pytest.warns(FutureWarning, match=f"the law {old} is now {FORMER_LAWS[old]}") as noted:
         scheme = Scheme("mine", step, claims=[old.replace("-", "_"), "energy"])
     (law,) = load_laws(old)  # a second note would be an error
     assert len(noted) == 1
-    assert scheme.claims == {FORMER[old], "energy"}
-    assert law.name == FORMER[old]
+    assert scheme.claims == {FORMER_LAWS[old], "energy"}
+    assert law.name == FORMER_LAWS[old]
     assert law.claimed_by(scheme)
 
 

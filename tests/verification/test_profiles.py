@@ -16,7 +16,7 @@ import pytest
 from doors import command, doc, obeys
 from drawn import refusing
 from sepv.properties._orders.local_orders import Slope, order_shown
-from sepv.properties.test_mean_square_order import MARGIN, order_above
+from sepv.properties.test_mean_square_order import MEAN_SQUARE_MARGIN, order_above
 
 import sepv
 from sepv import Scheme, Skipped
@@ -104,10 +104,12 @@ def test_a_weak_order_is_said_where_it_is_more_than_the_mean_square_one() -> Non
 
 
 def test_an_interval_shows_the_largest_order_that_it_lies_above_half_way_to() -> None:
-    """At 0.75 = 1 − MARGIN order ½ may still be the true one: the interval must lie above it."""
+    """At 0.75 = 1 − MEAN_SQUARE_MARGIN order ½ may still be the true one: the interval must lie
+    above it.
+    """
     assert [order_above(low) for low in (-math.inf, math.inf, math.nan)] == [0, 0, 0]
     shown = [order_above(low) for low in (0.1, 0.25, 0.26, 0.75, 0.76, 1.25, 1.26, 1.9)]
-    assert (shown, MARGIN) == ([0, 0, 0.5, 0.5, 1, 1, 1.5, 2], 0.25)
+    assert (shown, MEAN_SQUARE_MARGIN) == ([0, 0, 0.5, 0.5, 1, 1, 1.5, 2], 0.25)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ import sepv
 from benchmarks.right_schemes import RIGHT_SCHEMES
 from benchmarks.right_schemes.other_formulas import flow
 from benchmarks.right_schemes.solved_otherwise import of_lanes
-from benchmarks.units import SCALES, UNITS_LAWS, UNITS_PROBLEMS, Scale, findings, scaled, wrong
+from benchmarks.units import UNIT_SCALES, UNITS_LAWS, UNITS_PROBLEMS, Scale, findings, scaled, wrong
 from sepv import StepFailure, problems, schemes
 from sepv.law import NO_NOISE
 from sepv.law.units import Units, units_of
@@ -242,13 +242,13 @@ DEAR_FLOWS = ("toda", "double-well")
 NAMES = list(UNITS_PROBLEMS)
 EVERY_RUN = [
     (NAMES[n % len(NAMES)], OWN[n % 3], scale)
-    for n, scale in enumerate(SCALES)
+    for n, scale in enumerate(UNIT_SCALES)
     if NAMES[n % len(NAMES)] not in DEAR_FLOWS
 ]
 
 
 def each() -> Iterator[Any]:
-    for case in product(UNITS_PROBLEMS, OWN, SCALES):
+    for case in product(UNITS_PROBLEMS, OWN, UNIT_SCALES):
         marks = [] if case in EVERY_RUN else [pytest.mark.deep]
         yield pytest.param(*case, marks=marks)
 

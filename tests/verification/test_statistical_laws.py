@@ -103,7 +103,7 @@ def test_a_noise_wrong_by_one_per_cent_is_another_limit(name: str, factor: float
 
 def test_a_limit_holds_only_if_its_shares_are_surely_below_one_per_cent() -> None:
     """The bound of the law's statement; fewer paths give longer intervals."""
-    assert f"right to {100 * limit.RESOLUTION:g} %" in limit.law.statement
+    assert f"right to {100 * limit.LIMIT_RESOLUTION:g} %" in limit.law.statement
     scheme, problem = schemes.energy_preserving, problems.pendulum()
     setup = next(s for s in setups_for(scheme, Effort()) if s.problem == "pendulum")
     errors, assess, alpha = sampled(scheme, setup, 2048, Run(Effort())), limit.assessing(False), 3e-6
@@ -411,8 +411,10 @@ def walks(seed: int, drift: float = 0.0, steps: int = 256) -> Array:
     mean.
     """
     rng = np.random.default_rng(seed)
-    D = np.cumsum(W * rng.standard_normal((steps, rounding.PATHS)) + drift * W, axis=0)
-    return D[rounding.FIRST * 2 ** np.arange(int(np.log2(steps / rounding.FIRST)) + 1) - 1]
+    D = np.cumsum(W * rng.standard_normal((steps, rounding.ROUNDING_PATHS)) + drift * W, axis=0)
+    return D[
+        rounding.FIRST_CHECKPOINT * 2 ** np.arange(int(np.log2(steps / rounding.FIRST_CHECKPOINT)) + 1) - 1
+    ]
 
 
 def violated(defects: Array, tolerance: float = 0.0) -> set[str]:
@@ -433,8 +435,8 @@ def test_a_mean_is_seen_in_every_sample() -> None:
 
 def test_paths_that_drift_each_in_its_own_direction_are_seen_by_their_growth() -> None:
     rng = np.random.default_rng(0)
-    n = rounding.FIRST * 2.0 ** np.arange(4)[:, None]
-    slopes = rng.standard_normal(rounding.PATHS)
+    n = rounding.FIRST_CHECKPOINT * 2.0 ** np.arange(4)[:, None]
+    slopes = rng.standard_normal(rounding.ROUNDING_PATHS)
     slopes -= slopes.mean()
     assert violated(walks(1) + 0.5 * n * W * slopes) == {"growth"}
 
@@ -449,9 +451,9 @@ def test_paths_with_other_roundings_are_judged_by_their_own() -> None:
     60 such paths looked like a drift of each.
     """
     rng = np.random.default_rng(5)
-    checkpoints = rounding.FIRST * 2 ** np.arange(4)
+    checkpoints = rounding.FIRST_CHECKPOINT * 2 ** np.arange(4)
     for _ in range(100):
-        sizes = W * np.exp(rng.standard_normal(rounding.PATHS)) * np.linspace(0, 2, 256)[:, None]
+        sizes = W * np.exp(rng.standard_normal(rounding.ROUNDING_PATHS)) * np.linspace(0, 2, 256)[:, None]
         walk = np.cumsum(sizes * rng.standard_normal(sizes.shape), axis=0)[checkpoints - 1]
         widths = np.sqrt(np.cumsum(sizes**2, axis=0)[checkpoints - 1] / checkpoints[:, None])
         own, common = rounding.in_own_roundings(walk, widths)
@@ -569,9 +571,11 @@ def test_the_laws_that_may_accuse_by_chance_share_the_probability_of_it() -> Non
     by_quantiles = {name for name, file in files.items() if {"students_t", "fishers_f"} & set(vars(file))}
     assert {law.name for law in laws if law.statistical} == by_judge | by_quantiles
     assert by_quantiles == {"rounding"}
-    assert 2 * rounding.LEVEL * len(rounding.RUNS) <= sequential.part_of_law()
+    assert 2 * rounding.ROUNDING_LEVEL * len(rounding.PROBLEM_RUNS) <= sequential.part_of_law()
     effort, scheme = Effort(), schemes.energy_preserving
-    every = 2 * len(sequential.looks(sequential.budget(scheme, effort))) * (1 + sequential.HALVED)
+    every = (
+        2 * len(sequential.looks(sequential.budget(scheme, effort))) * (1 + sequential.REFUSED_MAX_HALVINGS)
+    )
     alpha = sequential.share(scheme, effort, 2)
     assert alpha * every * len(by_judge | by_quantiles) == pytest.approx(sequential.FALSE_ALARM)
     with pytest.raises(AssertionError, match="energy judges paths"):

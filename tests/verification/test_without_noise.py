@@ -15,11 +15,11 @@ import pytest
 from doors import but_deep, finding, says
 from drawn import stretched
 from sepv.properties._orders.consistency import limit
-from sepv.properties._orders.integrable import TAIL, orbits_of_class, users_orbits
+from sepv.properties._orders.integrable import HARMONICS_TAIL, orbits_of_class, users_orbits
 from sepv.properties._orders.long_times import (
-    LEAKS,
-    PERIODS,
-    SIZES,
+    ENERGY_MAX_SIZES,
+    LEAK_FACTOR,
+    MEAN_PERIODS,
     WINDOW_DISTANCES,
     EnergyPath,
     judged_power,
@@ -28,7 +28,7 @@ from sepv.properties._orders.long_times import (
     trend,
     weights,
 )
-from sepv.properties._orders.without_noise import RATIO, judge
+from sepv.properties._orders.without_noise import QUIET_RATIO, judge
 from sepv.properties._reversal import mirrors
 
 import sepv
@@ -205,7 +205,7 @@ def test_errors_that_alternate_by_more_than_two_roundings_fit_no_power_of_h(
 
 
 def test_errors_that_do_not_fall_accuse_nobody() -> None:
-    h = 4 * RATIO ** -np.arange(31.0)
+    h = 4 * QUIET_RATIO ** -np.arange(31.0)
     flat = judge(h, np.full(31, 1e-7), 4.5, 1e-14, 2e-11)
     assert flat.verdict is Verdict.INCONCLUSIVE
     noise = np.random.default_rng(0).uniform(0, 4e-12, 31)
@@ -217,7 +217,7 @@ def test_errors_that_do_not_fall_accuse_nobody() -> None:
 
 @pytest.mark.parametrize("power", [0, 1])
 def test_an_unstated_tolerance_that_scatters_is_no_lower_order(power: int) -> None:
-    h, noise = 4 * RATIO ** -np.arange(31.0), np.random.default_rng(1).standard_normal((200, 31))
+    h, noise = 4 * QUIET_RATIO ** -np.arange(31.0), np.random.default_rng(1).standard_normal((200, 31))
     errors = np.abs(h**5 + 1e-12 * h**power * noise)
     verdicts = [judge(h, e, 4.5, 64 * EPS, 1e5 * EPS).verdict for e in errors]
     assert verdicts.count(Verdict.HOLDS) >= 200 - verdicts.count(Verdict.INCONCLUSIVE) >= 190
@@ -229,7 +229,7 @@ def test_several_hamiltonians_have_no_such_order() -> None:
 
 
 (LONG_TIMES,) = load_laws(["long-time-energy"])
-NONE = [0.0] * SIZES
+NONE = [0.0] * ENERGY_MAX_SIZES
 
 
 def verdict(scheme: Scheme, seed: int = 0, **given: Any) -> str:
@@ -279,7 +279,7 @@ def test_the_orbits_of_a_class_have_one_energy_and_no_harmonics_that_look_slow(s
             H = orbits.problem.hamiltonian(orbits.states)
             assert np.ptp(H) < 64 * EPS * np.max(np.abs(H))
             sizes = np.max(np.abs(np.fft.rfft(orbits.problem.gradient(orbits.states), axis=1)), axis=0)
-            assert sizes[orbits.steps - 1 :].sum() < TAIL * sizes.sum()
+            assert sizes[orbits.steps - 1 :].sum() < HARMONICS_TAIL * sizes.sum()
             assert orbits.of(4).shape == (orbits.problem.dimension, 4)
 
 
@@ -288,17 +288,17 @@ def test_a_wave_leaves_of_a_mean_no_more_than_stated() -> None:
     harmonics.
     """
     for many in (14, 15, 60):
-        window = PERIODS * many
+        window = MEAN_PERIODS * many
         turns = 2 * np.pi * np.arange(window + 1) / window
-        for periods in np.linspace(2.5, 6 * PERIODS, 200):
+        for periods in np.linspace(2.5, 6 * MEAN_PERIODS, 200):
             left = abs(np.sum(weights(window) * np.exp(1j * periods * turns)))
             assert left < 1.02 * leakage(periods)
 
 
 def test_a_trend_of_a_four_hundredth_of_the_oscillation_in_a_period_is_seen() -> None:
     """The bound allows so much over the distance of the means, 6 periods."""
-    allowed = LEAKS * leakage(PERIODS * 7 / 8)
-    assert allowed / (WINDOW_DISTANCES[-1] * PERIODS) < 1 / 375
+    allowed = LEAK_FACTOR * leakage(MEAN_PERIODS * 7 / 8)
+    assert allowed / (WINDOW_DISTANCES[-1] * MEAN_PERIODS) < 1 / 375
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e-12])
@@ -316,7 +316,7 @@ def test_a_steady_trend_is_called_linear_and_a_slow_oscillation_is_not(size: flo
 
 
 def oscillations(p: float, alpha: float = 0.0, beta: float = 0.0, floor: float = 0.0) -> list[float]:
-    h = 0.4 / 2.0 ** np.arange(SIZES)
+    h = 0.4 / 2.0 ** np.arange(ENERGY_MAX_SIZES)
     return [float(v) for v in h**p * (1 + alpha * h + beta * h**2) + floor]
 
 
@@ -326,7 +326,7 @@ def test_a_power_of_h_holds_with_any_next_terms_and_one_more_is_refuted(
     p: float, alpha: float, beta: float
 ) -> None:
     seen = oscillations(p, alpha, beta)
-    verdicts = [judged_power(seen[:n], NONE[:n], p - 0.5).verdict for n in range(3, SIZES + 1)]
+    verdicts = [judged_power(seen[:n], NONE[:n], p - 0.5).verdict for n in range(3, ENERGY_MAX_SIZES + 1)]
     assert Verdict.VIOLATED not in verdicts
     assert verdicts[-1] is Verdict.HOLDS
     assert judged_power(seen, NONE, p + 0.5).verdict is Verdict.VIOLATED

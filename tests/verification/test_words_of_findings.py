@@ -169,7 +169,7 @@ def test_lines_say_the_share_and_the_seconds_left(monkeypatch: pytest.MonkeyPatc
     written = io.StringIO()
     monkeypatch.setattr("sepv.console._console.console", lambda **_: console(written))
     monkeypatch.setattr(display, "FIRST_LINES", ())
-    monkeypatch.setattr(display, "REPEAT", 0.02)
+    monkeypatch.setattr(display, "NEXT_LINE_SECONDS", 0.02)
     energy, casimir = load_laws(["energy", "casimir"])
     energy, casimir = (replace(law, cost=cost) for law, cost in ((energy, 1.0), (casimir, 3.0)))
     with progress.watching(laws=[energy, casimir]) as step:

@@ -20,7 +20,7 @@ from .record import Family, claiming, imitating, middle
 FAMILY = Family("carried state")
 _right = energy_preserving.step
 _midpoint = schemes.midpoint.step
-_AVERAGED = ("casimir", "reference", "midpoint")
+_AVERAGE_LAWS = ("casimir", "reference", "midpoint")
 
 
 def _begun(_: Problem, y: Array) -> Any:
@@ -87,7 +87,7 @@ def _from(first: int, wrong: Step) -> StatefulStep:
     return StatefulStep(lambda _problem, y: (y.copy(), 1), partial(_later, first, wrong), _first)
 
 
-_OFF = implicit(with_structure(lambda fields, y, z: fields.structure(y + (0.5 + 1e-6) * z)))
+_B_OFF_THE_MIDDLE = implicit(with_structure(lambda fields, y, z: fields.structure(y + (0.5 + 1e-6) * z)))
 
 
 def _extrapolated(problem: Problem, state: Any, h: float, dW: Array) -> Any:
@@ -173,10 +173,10 @@ FAMILY.rows(
     ("force-kept-too-long", "from its second step on a path begins a step with the force of the step before",
      ("deterministic-order", "poisson-map:constant"),
      imitating(schemes.by_name("leapfrog"), StatefulStep(_at_start, _kept_for_long, _first), batched=False)),
-    ("extrapolated-middle", "from its second step on a path has B at an extrapolated midpoint", _AVERAGED,
+    ("extrapolated-middle", "from its second step on a path has B at an extrapolated midpoint", _AVERAGE_LAWS,
      lambda: claiming(StatefulStep(_begun, _extrapolated, _first), batched=False)),
-    ("off-the-middle-later", "from its fifth step on a path has B off the middle by 1e-6", _AVERAGED,
-     lambda: claiming(_from(5, _OFF))),
+    ("off-the-middle-later", "from its fifth step on a path has B off the middle by 1e-6", _AVERAGE_LAWS,
+     lambda: claiming(_from(5, _B_OFF_THE_MIDDLE))),
     ("roundings-of-all-paths", "compensated summation adds up the roundings of all paths", ("reproducibility",),
      lambda: claiming(StatefulStep(lambda _, y: (y.copy(), 0 * y), _summed_over_paths, _first))),
 )  # fmt: skip

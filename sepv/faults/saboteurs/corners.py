@@ -50,21 +50,21 @@ def counts_in_the_environment(step: Step, problem: Problem, y: Array, h: float, 
 @FAMILY.around("the process rounds towards zero after a step", CONTRACT)
 def rounds_towards_zero(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     y1 = step(problem, y, h, dW)
-    change_arithmetic(_CHOP)
+    change_arithmetic(_ROUND_TO_ZERO_BITS)
     return y1
 
 
 @FAMILY.around("subnormal numbers become 0 after a step, as in programs compiled with -ffast-math", CONTRACT)
 def flushes_to_zero(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     y1 = step(problem, y, h, dW)
-    change_arithmetic(_FLUSH)
+    change_arithmetic(_FLUSH_BITS)
     return y1
 
 
 # Bits of the control register of x86's SSE unit (Intel's manual, volume 1, §10.2.3): rounding
 # towards zero, and results and operands that are subnormal taken as 0. glibc stores the register
 # from byte 28 of the environment.
-_CHOP, _FLUSH, _PLACE = 0x6000, 0x8040, slice(28, 32)
+_ROUND_TO_ZERO_BITS, _FLUSH_BITS, _MXCSR_BYTES = 0x6000, 0x8040, slice(28, 32)
 
 
 def change_arithmetic(bits: int) -> None:
@@ -74,8 +74,8 @@ def change_arithmetic(bits: int) -> None:
     library, room = ctypes.CDLL(None), ctypes.create_string_buffer(512)
     if platform.machine() in ("x86_64", "AMD64") and platform.libc_ver()[0] == "glibc":
         library.fegetenv(room)
-        register = int.from_bytes(room.raw[_PLACE], "little") | bits
-        ctypes.memmove(ctypes.byref(room, _PLACE.start), register.to_bytes(4, "little"), 4)
+        register = int.from_bytes(room.raw[_MXCSR_BYTES], "little") | bits
+        ctypes.memmove(ctypes.byref(room, _MXCSR_BYTES.start), register.to_bytes(4, "little"), 4)
         library.fesetenv(room)
 
 

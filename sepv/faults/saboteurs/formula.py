@@ -26,9 +26,9 @@ Part = Callable[[Fields, Any, Any], Any]
 
 FAMILY = Family("formula")
 _WRONG_LIMIT = ("expansion", *LOCAL_LAWS, "mean-square-order", "right-limit", "weak-order")
-_TURNED = ("casimir", "midpoint", "symmetry", "reference")
+_WRONG_B_LAWS = ("casimir", "midpoint", "symmetry", "reference")
 _QUADRATURE_LAWS = ("energy", "reference", "reduction")
-_EXPLICIT = ("energy", *_TURNED, "reduction", "rounding")
+_EXPLICIT = ("energy", *_WRONG_B_LAWS, "reduction", "rounding")
 
 
 def with_structure(structure: Part) -> Formula:
@@ -105,13 +105,13 @@ def _three_components_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
 
 
 FAMILY.rows(
-    ("b-at-y0", "B is taken at y0 and not at the midpoint", _TURNED + _WRONG_LIMIT, b_at_y0),
-    ("b-at-y1", "B is taken at y1 and not at the midpoint", _TURNED + _WRONG_LIMIT,
+    ("b-at-y0", "B is taken at y0 and not at the midpoint", _WRONG_B_LAWS + _WRONG_LIMIT, b_at_y0),
+    ("b-at-y1", "B is taken at y1 and not at the midpoint", _WRONG_B_LAWS + _WRONG_LIMIT,
      with_structure(lambda fields, y, z: fields.structure(y + z))),
     ("linear-b-only", "B is the average of B(y0) and B(y1): right only where B is linear",
      ("casimir", "midpoint", "reference"),
      with_structure(lambda fields, y, z: 0.5 * (fields.structure(y) + fields.structure(y + z)))),
-    ("constant-b-only", "B is taken at an explicitly predicted midpoint: right only where B is constant", _TURNED,
+    ("constant-b-only", "B is taken at an explicitly predicted midpoint: right only where B is constant", _WRONG_B_LAWS,
      _constant_b_only),
     ("b-transposed", "B is transposed", ("midpoint", "reference", "reduction", *_WRONG_LIMIT),
      lambda fields, y, z, step: -formula(fields, y, z, step)),
@@ -144,7 +144,7 @@ FAMILY.rows(
     ("term-in-y", "a term 1e-9 Δ² y is added, which linear changes of coordinates keep and translations do not",
      ("energy", "casimir", "midpoint", "reference", "reduction", "equivariance"),
      lambda fields, y, z, step: formula(fields, y, z, step) + 1e-9 * step[0] ** 2 * middle(y, z)),
-    ("two-dimensions-only", "B is taken at y0 unless d = 2", _TURNED + _WRONG_LIMIT,
+    ("two-dimensions-only", "B is taken at y0 unless d = 2", _WRONG_B_LAWS + _WRONG_LIMIT,
      lambda fields, *more: (formula if fields.problem.dimension == 2 else b_at_y0)(fields, *more)),
     ("sixteen-components-only", "components beyond the sixteenth do not move",
      ("midpoint", "reference", "reduction", "equivariance"),
@@ -197,7 +197,7 @@ def _euler(problem: Problem, y0: Array, step: Array) -> Array:
 
 
 FAMILY.rows(
-    ("heun-projected", "Heun's method, then a projection on H", (*_TURNED, "equivariance"),
+    ("heun-projected", "Heun's method, then a projection on H", (*_WRONG_B_LAWS, "equivariance"),
      lambda: claiming(partial(_projected, explicit_step(explicit_heun)))),
     ("midpoint-projected", "the midpoint rule, then a projection on H",
      ("casimir", "symmetry", "reference", "equivariance"),

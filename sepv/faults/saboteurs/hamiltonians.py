@@ -18,7 +18,7 @@ from .record import Family, imitating
 
 FAMILY = Family("hamiltonians")
 NOISE_FACTOR = 1 + 2.0**-10
-PUSH = 2.0**-30
+PUSH_SIZE = 2.0**-30
 
 
 @FAMILY.like(
@@ -40,7 +40,7 @@ def second_noise_louder(problem: Problem, y: Array, h: float, dW: Array) -> Arra
 )
 def away_from_the_origin(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Multiply y1 by 1 + 2⁻³⁰h."""
-    return schemes.stochastic_midpoint.step(problem, y, h, dW) * (1 + PUSH * h)
+    return schemes.stochastic_midpoint.step(problem, y, h, dW) * (1 + PUSH_SIZE * h)
 
 
 @FAMILY.like(

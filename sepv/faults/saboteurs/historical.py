@@ -90,7 +90,7 @@ def _by_difference(
 
 
 TAYLOR = replace(_like(milstein, _by_taylor), name="taylor", claims=RANDOM_STEP)
-DIFFERENCE = replace(_like(milstein, _by_difference), name="milstein by differences")
+MILSTEIN_BY_DIFFERENCES = replace(_like(milstein, _by_difference), name="milstein by differences")
 
 
 def _heun(problem: Problem, y: Array, h: float, noise: Array) -> Array:
@@ -173,7 +173,7 @@ _in(
      f"{_SCIML}/StochasticDiffEq.jl/issues/636, mended in pull 651: ImplicitRKMil without noise went elsewhere"),
 )  # fmt: skip
 _in(
-    DIFFERENCE,
+    MILSTEIN_BY_DIFFERENCES,
     ("one-sided-difference",
      "Milstein's term of the Stratonovich form is a one-sided difference of width √h, whose error has a nonzero mean",
      ("local-mean", "local-weak"), partial(_by_difference, sides=1),

@@ -25,7 +25,7 @@ _STEP = ("midpoint", "reference", "reduction", "expansion")
 _PATH_LIMITS = ("local-mean-square", "mean-square-order", "right-limit")
 # Laws that find a scheme with a wrong limit, if the mean of this limit is wrong too.
 _MEAN = (*_STEP, *_PATH_LIMITS, "local-mean", "local-weak", "weak-order")
-_SEVERAL = ("midpoint", "reference", "reduction", "noise-sum", "random-step", *_PATH_LIMITS)
+_SEVERAL_NOISES_LAWS = ("midpoint", "reference", "reduction", "noise-sum", "random-step", *_PATH_LIMITS)
 _NOISE_SIZE_LAWS = (
     *("identity", "midpoint", "reference", "reduction", "noise-sum", "random-step"),
     *(*LOCAL_LAWS, "mean-square-order", "weak-order"),
@@ -65,17 +65,19 @@ def positive_step_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
 
 
 FAMILY.rows(
-    ("first-noise-only", "only the first noise is seen", _SEVERAL + LOCAL_LAWS,
+    ("first-noise-only", "only the first noise is seen", _SEVERAL_NOISES_LAWS + LOCAL_LAWS,
      lambda c, h, w: h + np.sum((c * w)[:1], axis=0)),
-    ("one-noise-in-law", "several noises are replaced by one of the same variance", _SEVERAL,
+    ("one-noise-in-law", "several noises are replaced by one of the same variance", _SEVERAL_NOISES_LAWS,
      lambda c, h, w: h + np.linalg.norm(c) * np.sum(w[:1], axis=0)),
-    ("noises-reversed", "the c_j are taken in the wrong order", _SEVERAL,
+    ("noises-reversed", "the c_j are taken in the wrong order", _SEVERAL_NOISES_LAWS,
      lambda c, h, w: h + np.sum(c[::-1] * w, axis=0)),
     by=_with,
 )  # fmt: skip
 
 
-@FAMILY.around("increments are clipped at one standard deviation", ("identity", "random-step", *_SEVERAL))
+@FAMILY.around(
+    "increments are clipped at one standard deviation", ("identity", "random-step", *_SEVERAL_NOISES_LAWS)
+)
 def clipped_at_one(step: Step, problem: Problem, y: Array, h: float, dW: Array, widths: float = 1.0) -> Array:
     bound = widths * math.sqrt(h)
     return step(problem, y, h, np.clip(dW, -bound, bound))

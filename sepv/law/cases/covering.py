@@ -19,7 +19,7 @@ Level = tuple[int, int]  # a factor and its level
 # Two levels of different factors, in the order of the factors.
 Pair = tuple[Level, Level]
 # The number of ways in which ties are broken.
-ATTEMPTS = 4
+TIE_BREAKS = 4
 # An offered row is taken only if it covers at least this many new pairs; otherwise a newly made row
 # covers more.
 LEAST_NEW_PAIRS = 4
@@ -50,7 +50,7 @@ def pairwise(
     cover many pairs are taken first.
     """
     taken = _Greedy(levels, allowed, hiding, 0).taken(offered)
-    designs = [_Greedy(levels, allowed, hiding, shift).design(taken) for shift in range(ATTEMPTS)]
+    designs = [_Greedy(levels, allowed, hiding, shift).design(taken) for shift in range(TIE_BREAKS)]
     return min(designs, key=lambda design: len(design.rows))
 
 

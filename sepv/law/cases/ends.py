@@ -19,10 +19,10 @@ from sepv.record import Polynomial, poly
 # The largest |exponent of 2| of coefficients and of powers of y. So none of them overflows, and an
 # underflow, whose error is 2⁻¹⁰⁷⁴, changes even the smallest of them by a relative error below
 # 2⁻⁵³.
-EXPONENTS = 960
+MAX_EXPONENT = 960
 # Sizes |y| that every scheme must take, and the largest exponent of 2 of other sizes: |y| = 1e±100,
 # whose squares neither overflow nor lose digits.
-USUAL, LARGEST = (2.0**-21, 2.0**21), 333
+USUAL_SIZES, MAX_SIZE_EXPONENT = (2.0**-21, 2.0**21), 333
 
 # A scheme may refuse a step whose |h| + Σ|c_j ΔW_j| is larger than this.
 LONGEST_STEP = 8.0
@@ -30,7 +30,7 @@ LONGEST_STEP = 8.0
 
 def is_usual(size: float) -> bool:
     """True if a size |y| is so near to 1 that no scheme may refuse a state of this size."""
-    return USUAL[0] <= size <= USUAL[1]
+    return USUAL_SIZES[0] <= size <= USUAL_SIZES[1]
 
 
 def beyond(case: Case) -> bool:
@@ -94,7 +94,7 @@ def in_other_units(case: Case, power: int, time: int = 0) -> Case:
     assert isinstance(system, PolynomialSystem)
     # The brackets {H, H_j} are sums of products of three coefficients, so that three exponents add
     # up.
-    most = (EXPONENTS / 3 if system.noise_hamiltonians else EXPONENTS) - 2 * abs(time)
+    most = (MAX_EXPONENT / 3 if system.noise_hamiltonians else MAX_EXPONENT) - 2 * abs(time)
     while power and any(abs(e) > most for e in _exponents(case, system, power)):
         power = int(power / 1.25)
     w = _weight(system)
@@ -137,11 +137,11 @@ def _of(B: Structure, weight: int, power: int) -> Structure:
 
 def _exponents(case: Case, system: PolynomialSystem, power: int) -> Iterator[float]:
     """Exponents of 2 of coefficients and of powers of y in new units; if |y| leaves its range,
-    one is > EXPONENTS.
+    one is > MAX_EXPONENT.
     """
     sizes = [abs(v) for v in case.y if v]
     ends = [math.log2(v) + power for v in (max(sizes), min(sizes))] if sizes else []
-    yield from (EXPONENTS + 1 for end in ends[:1] if abs(end) > LARGEST)
+    yield from (MAX_EXPONENT + 1 for end in ends[:1] if abs(end) > MAX_SIZE_EXPONENT)
     w = _weight(system)
     fields = [(w, p) for p in (system.hamiltonian, *system.noise_hamiltonians)]
     fields += [(2, p) for p in system.polynomial_casimirs]

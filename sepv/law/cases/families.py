@@ -194,7 +194,7 @@ def _homogeneous(parts: Parts) -> PolynomialSystem:
     return PolynomialSystem(d, H, B, parts.noise(), quadratic, linear)
 
 
-_UNDAMPED = maker(_homogeneous, shows=False)
+_HOMOGENEOUS = maker(_homogeneous, shows=False)
 
 
 def damped(levels: Levels, random: Random, attempt: int | None) -> Case | None:
@@ -204,7 +204,7 @@ def damped(levels: Levels, random: Random, attempt: int | None) -> Case | None:
     For γh < 0 half a step of damping makes the state larger by 7 % at most, so that the step is
     less than twice as long as the contraction radius.
     """
-    case = _UNDAMPED(levels, random, attempt)
+    case = _HOMOGENEOUS(levels, random, attempt)
     if case is None or not isinstance(case.problem, PolynomialSystem) or not case.h:
         return None
     gamma = random.choice([1.0, 1.0, -1.0]) * 2.0 ** math.floor(math.log2(0.125 / abs(case.h)))

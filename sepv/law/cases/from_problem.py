@@ -35,26 +35,26 @@ from sepv.problem import (
 EXACT_NAMES = frozenset(named.PAPER)
 
 
-# Components of states near an initial state a lie between a times these numbers, or up to AWAY
-# above. Without an initial state they are at most FARTHEST.
-PERTURBED, AWAY, FARTHEST = (0.5, 1.5), 0.3, 2.0
+# Components of states near an initial state a lie between a times these numbers, or up to AWAY_MAX
+# above. Without an initial state they are at most COMPONENTS_MAX.
+PERTURBED_RANGE, AWAY_MAX, COMPONENTS_MAX = (0.5, 1.5), 0.3, 2.0
 
 # Strategies are made once: Hypothesis validates each new one, which costs as much as its draws.
-_SIGNS = st.sampled_from([1.0, -1.0])
-_PERTURBED, _AWAY = st.floats(*PERTURBED), st.sampled_from([0.0, 0.1, AWAY])
+_RANDOM_SIGNS = st.sampled_from([1.0, -1.0])
+_PERTURBED, _AWAY = st.floats(*PERTURBED_RANGE), st.sampled_from([0.0, 0.1, AWAY_MAX])
 # The distance of a state from the initial one as a share of the usual distance. A scheme that has
 # the level of the initial state built in may correct only states near to this level.
 _NEAR_START = st.sampled_from([1.0, 1.0, 2.0**-7, 2.0**-14, 2.0**-21])
 # A quarter of the steps is short, because a scheme may be wrong for short steps alone.
-_LENGTHS = st.sampled_from([1.0, 1.0, 1.0, 2.0**-10])
+_RANDOM_LENGTHS = st.sampled_from([1.0, 1.0, 1.0, 2.0**-10])
 # Half of all factors of h and of ΔW_j are 1, because a quadrature error grows like a high power of
 # the step's length.
 _PARTS = st.one_of(st.just(1.0), st.floats(0, 1 - 2.0**-10).map(lambda x: 1 - x))
-_SHARES = st.sampled_from([1.0, 0.5, 0.25, 2.0**-6])
+_RANDOM_SHARES = st.sampled_from([1.0, 0.5, 0.25, 2.0**-6])
 # Components below 1e-6 become zero: states of extreme size have their own cases.
 _COMPONENTS = st.one_of(
     st.sampled_from([1.0, 0.0, -1.0]),
-    st.floats(-FARTHEST, FARTHEST).map(lambda x: x if abs(x) >= 1e-6 else 0.0),
+    st.floats(-COMPONENTS_MAX, COMPONENTS_MAX).map(lambda x: x if abs(x) >= 1e-6 else 0.0),
 )
 
 
@@ -114,18 +114,18 @@ def near(draw: st.DrawFn, description: Description) -> Case:
     y = _state(draw, problem)
     radius = _radius(description, problem, y)
     assume(radius > 0)
-    return draw(steps_within(description, y, radius * draw(_SHARES)))
+    return draw(steps_within(description, y, radius * draw(_RANDOM_SHARES)))
 
 
 def is_near(case: Case) -> bool:
     """True if a case has a state and a step as `near` draws them of its problem."""
     problem, y, h, dW = case.build()
     if problem.initial is None:
-        inside = bool(np.max(np.abs(y)) <= FARTHEST)
+        inside = bool(np.max(np.abs(y)) <= COMPONENTS_MAX)
     else:
         a = np.asarray(problem.initial)
-        sides = PERTURBED[0] * a, PERTURBED[1] * a
-        inside = bool(np.all((np.minimum(*sides) <= y) & (y <= np.maximum(*sides) + AWAY)))
+        sides = PERTURBED_RANGE[0] * a, PERTURBED_RANGE[1] * a
+        inside = bool(np.all((np.minimum(*sides) <= y) & (y <= np.maximum(*sides) + AWAY_MAX)))
     length = abs(h) + float(np.abs(problem.c * dW).sum())
     return inside and _inside(problem, y) and 0 < h <= 1 and length <= _radius(case.problem, problem, case.y)
 
@@ -149,10 +149,10 @@ def steps_within(draw: st.DrawFn, data: Description, y: tuple[float, ...], radiu
     |h| and each |c_j ΔW_j| get at most an equal share.
     """
     c = named.build(data).c
-    length = radius * draw(_LENGTHS)
+    length = radius * draw(_RANDOM_LENGTHS)
     share = length / (1 + np.count_nonzero(c))
     h = min(1.0, share * draw(_PARTS))
-    dW = tuple(float(draw(_SIGNS) * draw(_PARTS) * (share / cj if cj else 1.0)) for cj in c)
+    dW = tuple(float(draw(_RANDOM_SIGNS) * draw(_PARTS) * (share / cj if cj else 1.0)) for cj in c)
     return Case(data, y, float(h), dW)
 
 
@@ -186,7 +186,7 @@ def _inside(problem: Problem, y: Array) -> bool:
 
 # Balls about y with radii from (1 + |y|)2⁻¹ to (1 + |y|)2⁻⁵ are sampled; in a narrow domain smaller
 # balls as well.
-USUAL, NARROWEST = 5, 20
+USUAL_BALLS, NARROW_BALLS = 5, 20
 
 
 def measured_radius(problem: Problem, y: Array) -> float:
@@ -202,8 +202,8 @@ def measured_radius(problem: Problem, y: Array) -> float:
     d = problem.dimension
     directions = np.concatenate([np.eye(d), -np.eye(d), rng.uniform(-1, 1, (8, d))])
     best, size = 0.0, 1 + float(np.max(np.abs(y)))
-    for halvings in range(1, NARROWEST + 1):
-        if best and halvings > USUAL:
+    for halvings in range(1, NARROW_BALLS + 1):
+        if best and halvings > USUAL_BALLS:
             break
         r = size / 2**halvings
         points = [y, *(y + r * e for e in directions)]

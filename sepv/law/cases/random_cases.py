@@ -22,11 +22,11 @@ from sepv.law.cases.ends import at_the_end, usual
 from sepv.law.cases.shows_faults import shows_faults
 from sepv.law.cases.strata import (
     KIND,
-    NEAR,
+    NEAR_REST,
+    NO_STEP,
+    NO_TIME,
     ONE_SIGN,
-    STILL,
-    UNDONE,
-    UNEVEN,
+    UNEVEN_NOISES,
     Levels,
     Make,
     monomials,
@@ -46,18 +46,18 @@ from sepv.record import Polynomial, poly
 
 # After this many draws a rest point may be the origin, because the monomials may be too few for
 # another rest point.
-ATTEMPTS = 30
+REST_POINT_DRAWS = 30
 # The smallest B∇H in a design, relative to the sum of its terms' absolute values; a random search
 # allows smaller B∇H.
-GENERIC = 1 / 64
+GENERIC_FIELD_SHARE = 1 / 64
 # After this many draws a case is accepted although some fault would not show in it.
-TRIES = 24
+FAULT_SHOWING_DRAWS = 24
 # For a step from y = 0, Δ as a share of the radius inside which y1(Δ) is analytic. The share
 # balances the terms that the law "expansion" omits against rounding.
 ORIGIN_SHARE = 2.0**-9
 # Near a rest point some components are multiplied by ½ to a power in this range; the motion still
 # exceeds rounding.
-NEARNESS = (8, 30)
+NEARNESS_EXPONENTS = (8, 30)
 # In steps with uneven noises the |c_jΔW_j| are scaled by powers of ten with exponents from
 # −UNEVENNESS to UNEVENNESS.
 UNEVENNESS = 4.0
@@ -78,7 +78,7 @@ class Parts:
     def __init__(self, levels: Levels, random: Random, dimensions: Sequence[int] = ()) -> None:
         self.levels, self.random = levels, random
         state, kind = levels["state"].name, levels.get(KIND)
-        self.near = kind == NEAR
+        self.near = kind == NEAR_REST
         self.at_rest, self.at_origin = self.near or state == "∇H = 0", state == "0"
         if dimensions:
             low, high = levels["d"].low, levels["d"].high
@@ -99,7 +99,7 @@ class Parts:
         d, n, random = self.d, self.degree, self.random
         if self.at_rest:
             self.zero, kept = some.rest_monomials(d, n, self.terms, random)
-            small = 2.0 ** -random.randint(*NEARNESS) if self.near else 0.0
+            small = 2.0 ** -random.randint(*NEARNESS_EXPONENTS) if self.near else 0.0
             self.y = tuple(small * v if i in self.zero else v for i, v in enumerate(self.y))
             return self._weighted(kept)
         H = self.with_slope(some.hamiltonian(d, n, self.terms, self.unit, random))
@@ -166,10 +166,15 @@ def maker(system_of: SystemOf, dimensions: Sequence[int] = (), *, shows: bool = 
         if parts.at_origin:
             return from_origin(system, levels, random)
         if parts.at_rest:
-            everywhere = len(parts.zero) == parts.d and attempt is not None and attempt < ATTEMPTS
+            everywhere = len(parts.zero) == parts.d and attempt is not None and attempt < REST_POINT_DRAWS
             return None if everywhere else placed(system, parts.y, levels, random, moving=False)
         case = placed(system, parts.y, levels, random, moving=attempt is not None)
-        hides = shows and levels.get(KIND) in (None, *ONE_SIGN) and attempt is not None and attempt < TRIES
+        hides = (
+            shows
+            and levels.get(KIND) in (None, *ONE_SIGN)
+            and attempt is not None
+            and attempt < FAULT_SHOWING_DRAWS
+        )
         return None if case is not None and hides and not shows_faults(case, levels) else case
 
     def make(levels: Levels, random: Random, attempt: int | None) -> Case | None:
@@ -270,7 +275,7 @@ def placed(
     if not 0 < radius < math.inf or (moving and not _moves(problem, np.array(y))):
         return None
     kind = levels.get(KIND)
-    if kind == UNDONE:
+    if kind == NO_STEP:
         return _undone(system, y, levels, random, radius)
     c, sign = system.noise, levels["h"].low
     total = some.number(levels["|Δ|"], random)
@@ -278,17 +283,17 @@ def placed(
     # Shares of |h| and of the |c_jΔW_j|, with signs such that |Δ| is at least a quarter of
     # |h| + Σ|c_jΔW_j|.
     shares = [random.uniform(0.125, 1) for _ in range(1 + len(loud))]
-    if kind == UNEVEN:
+    if kind == UNEVEN_NOISES:
         end = 1.0 if moving else random.random()
         powers = [end, -end, *(random.uniform(-1, 1) for _ in loud)][: len(loud)]
         shares[1:] = [10 ** (UNEVENNESS * power) for power in random.sample(powers, len(powers))]
-    if kind == STILL:
+    if kind == NO_TIME:
         shares[0] = 0.0
     signs = [sign, *(random.choice([1.0, -1.0]) for _ in loud)]
     largest = sum(shares)
     if abs(sum(s * x for s, x in zip(signs, shares, strict=True))) < largest / 4:
-        signs = [sign, *([sign if kind == UNEVEN else random.choice([1.0, -1.0])] * len(loud))]
-        shares[0] = min(shares[0], largest / 8) if loud and kind != UNEVEN else shares[0]
+        signs = [sign, *([sign if kind == UNEVEN_NOISES else random.choice([1.0, -1.0])] * len(loud))]
+        shares[0] = min(shares[0], largest / 8) if loud and kind != UNEVEN_NOISES else shares[0]
     unit = total / abs(sum(s * x for s, x in zip(signs, shares, strict=True)))
     length = unit * sum(shares)
     parts = [s * x * unit for s, x in zip(signs, shares, strict=True)]
@@ -333,11 +338,13 @@ def _scaled(system: PolynomialSystem, power: int) -> PolynomialSystem:
 
 
 def _moves(problem: Problem, y: Array) -> bool:
-    """True if B∇H and yᵀ∇H both exceed a small share (GENERIC)
+    """True if B∇H and yᵀ∇H both exceed a small share (GENERIC_FIELD_SHARE)
     of the sums of absolute values of their terms.
     """
     g, most = problem.gradient(y), gradient_majorant(problem, y)
     flow, whole = vector_field(problem, y), structure_majorant(problem, y) @ most
     motion, growth = float(np.max(np.abs(flow))), abs(float(g @ y))
-    enough = motion >= GENERIC * float(np.max(whole)) and growth >= GENERIC * float(most @ np.abs(y))
+    enough = motion >= GENERIC_FIELD_SHARE * float(np.max(whole)) and growth >= GENERIC_FIELD_SHARE * float(
+        most @ np.abs(y)
+    )
     return motion > 0 < growth and enough

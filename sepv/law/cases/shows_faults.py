@@ -13,10 +13,10 @@ from sepv.law.cases.strata import Levels
 from sepv.law.tolerance import casimir_bound, energy_bound, step_residual
 from sepv.problem import Array, Problem, average_gradient, combined, matvec
 
-# MOTION is the least ratio of a step's increment to rounding, because a fault may change a small
-# share of it alone. SHOWN is the least ratio of a fault's effect to the law's bound.
+# SHOWN_MOTION is the least ratio of a step's increment to rounding, because a fault may change a
+# small share of it alone. SHOWN_EFFECT is the least ratio of a fault's effect to the law's bound.
 # `benchmarks.power` measures the effect of both.
-MOTION, SHOWN = 1e7, 64.0
+SHOWN_MOTION, SHOWN_EFFECT = 1e7, 64.0
 # In steps longer than this share of the contraction radius, errors of the size of a power of h
 # exceed rounding.
 LONG_STEP_SHARE = 0.5
@@ -27,10 +27,10 @@ def shows_faults(case: Case, levels: Levels) -> bool:
     would exceed rounding in this case.
 
     Let z = Δ B∇H be an explicit step. The step z, and its parts from h and from each c_jΔW_j, must
-    exceed MOTION times rounding. Taking ∇H at the midpoint instead of its average must change H.
-    Taking B at y instead of the midpoint must change y1 and every quadratic Casimir. Each change
-    must exceed SHOWN times the bound of rounding. These changes are not tested for short steps,
-    quadratic H or constant B, because then the faults change nothing.
+    exceed SHOWN_MOTION times rounding. Taking ∇H at the midpoint instead of its average must change
+    H. Taking B at y instead of the midpoint must change y1 and every quadratic Casimir. Each change
+    must exceed SHOWN_EFFECT times the bound of rounding. These changes are not tested for short
+    steps, quadratic H or constant B, because then the faults change nothing.
     """
     if levels["step/radius"].high < LONG_STEP_SHARE:
         return True
@@ -41,7 +41,7 @@ def shows_faults(case: Case, levels: Levels) -> bool:
         z = matvec(combined(problem, y, parts), g)
         residual = step_residual(problem, y, y + z, h, dW)
         alone = [matvec(combined(problem, y, part), g) for part in np.diag(parts)[parts != 0]]
-        moves = min(float(np.max(np.abs(v))) for v in (z, *alone)) > MOTION * float(np.max(residual))
+        moves = min(float(np.max(np.abs(v))) for v in (z, *alone)) > SHOWN_MOTION * float(np.max(residual))
         curved = bool(moves) and _curved(problem, levels, y, z, residual)
         return curved and _turning(problem, levels, y, z, residual, parts)
 
@@ -57,7 +57,7 @@ def _curved(problem: Problem, levels: Levels, y: Array, z: Array, residual: Arra
         nambu = cast(Problem, problem.nambu)
         found.append((nambu, np.abs(nambu.gradient(y)) @ residual))
     wrong = (f.gradient(y + 0.5 * z) - average_gradient(f, y, y + z).value for f, _ in found)
-    return all(abs(w @ z) > SHOWN * bound for w, (_, bound) in zip(wrong, found, strict=True))
+    return all(abs(w @ z) > SHOWN_EFFECT * bound for w, (_, bound) in zip(wrong, found, strict=True))
 
 
 def _turning(problem: Problem, levels: Levels, y: Array, z: Array, residual: Array, parts: Array) -> bool:
@@ -68,6 +68,6 @@ def _turning(problem: Problem, levels: Levels, y: Array, z: Array, residual: Arr
     if max(degrees, default=0) < 1:
         return True
     moved = matvec(combined(problem, y + 0.5 * z, parts), problem.gradient(y)) - z
-    return bool(np.any(np.abs(moved) > SHOWN * residual)) and all(
-        abs(z @ A @ z) > SHOWN * casimir_bound(A, y, y + z, residual) for A in problem.casimirs
+    return bool(np.any(np.abs(moved) > SHOWN_EFFECT * residual)) and all(
+        abs(z @ A @ z) > SHOWN_EFFECT * casimir_bound(A, y, y + z, residual) for A in problem.casimirs
     )

@@ -23,7 +23,7 @@ from sepv.problem import PolynomialSystem, Structure
 from sepv.record import Polynomial, poly
 
 # The most cases of the law that are tried before a case is changed, the smallest first.
-OTHERS = 50
+OTHERS_TRIED = 50
 
 
 def shrunk(
@@ -46,7 +46,7 @@ def shrunk(
         Cases of the law. The smallest are tried before any change.
     """
     tried, start, simpler = {case}, 0, True  # each candidate is tried once
-    smaller = sorted((other for other in others if size(other) < size(case)), key=size)[:OTHERS]
+    smaller = sorted((other for other in others if size(other) < size(case)), key=size)[:OTHERS_TRIED]
 
     def changes(old: Case) -> Iterator[tuple[int, Case]]:
         # Kinds of changes that failed a moment ago come last.

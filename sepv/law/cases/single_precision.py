@@ -19,7 +19,7 @@ from sepv.problem import PolynomialSystem
 SINGLE_PRECISION_MAX_ERROR = 2.0**-12
 # The range in which single precision represents coefficients with all digits, and in which their
 # sums do not overflow.
-LEAST, MOST = 2.0**-126, 2.0**120
+SINGLE_MIN, SINGLE_MAX = 2.0**-126, 2.0**120
 
 
 def single(case: Case) -> Case:
@@ -34,7 +34,7 @@ def in_range(case: Case) -> bool:
     such as overflow.
     """
     if isinstance(case.problem, PolynomialSystem) and not all(
-        LEAST <= abs(value) <= MOST
+        SINGLE_MIN <= abs(value) <= SINGLE_MAX
         for p in (case.problem.hamiltonian, *(entry for _, _, entry in case.problem.structure))
         for _, value in p.terms
     ):

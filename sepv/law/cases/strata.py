@@ -44,7 +44,7 @@ class Stratum(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Axis:
+class CaseAxis:
     """A property of cases, such as the dimension, divided into strata (ranges or values).
 
     A law that names no strata of an axis gets the first `usual` strata of the axis, or all if
@@ -73,16 +73,16 @@ class Rule:
     reason: str
 
 
-def _axis(name: str, *strata: tuple[Any, ...] | str, usual: int = 0) -> Axis:
-    return Axis(name, tuple(Stratum(s) if isinstance(s, str) else Stratum(*s) for s in strata), usual)
+def _axis(name: str, *strata: tuple[Any, ...] | str, usual: int = 0) -> CaseAxis:
+    return CaseAxis(name, tuple(Stratum(s) if isinstance(s, str) else Stratum(*s) for s in strata), usual)
 
 
 STATE = _axis("state", "anywhere", "∇H = 0", "0", usual=1)
-JACOBI = _axis("Jacobi", "any", "Poisson", usual=1)
+JACOBI_IDENTITY = _axis("Jacobi", "any", "Poisson", usual=1)
 CASIMIRS = _axis("Casimirs", "none", "linear", "quadratic", "two")
 DIMENSION = _axis("d", ("2", 2, 2), ("3", 3, 3), ("4–6", 4, 6), ("7–9", 7, 9), ("10–40", 10, 12, 40))
 DEGREE = _axis("degree of H", ("1–2", 1, 2), ("3–4", 3, 4), ("5–6", 5, 6), ("7–8", 7, 8), ("9–20", 9, 10, 20))
-TERMS = _axis("terms of H", ("1–2", 1, 2), ("3–9", 3, 9), ("10–19", 10, 19), ("20–30", 20, 30))
+TERMS_OF_H = _axis("terms of H", ("1–2", 1, 2), ("3–9", 3, 9), ("10–19", 10, 19), ("20–30", 20, 30))
 STRUCTURE = _axis("degree of B", ("0", 0, 0), ("1", 1, 1), ("2–3", 2, 3), ("4–6", 4, 6))
 NOISES = _axis("m", ("0", 0, 0), ("1", 1, 1), ("2", 2, 2), ("3–4", 3, 4), ("5–20", 5, 8, 20))
 SIZE = _axis(
@@ -98,7 +98,7 @@ SIGN = _axis("h", ("> 0", 1, 1), ("< 0", -1, -1))
 # rounding.
 SHARE = _axis("step/radius", ("½–1", 0.5, 1), ("2⁻¹⁰", 2.0**-11, 2.0**-10))
 GIVEN = _axis("given as", "data", "functions", "bare functions")
-BATCH = _axis(
+BATCH_SIZE = _axis(
     "batch", "one state", ("2–9", 2, 9), ("33–129", 33, 129), ("500–2000", 500, 2000), ("4097–9000", 4097, 9000),
     usual=1,
 )  # fmt: skip
@@ -107,34 +107,36 @@ POTENTIAL = _axis("V", "any", "bounded below")
 INERTIA = _axis("inertia", "any tensor", "principal axes")
 ALGEBRA = _axis("algebra", "so(3)", "sl(2)", "e(2)", "heisenberg", "e(3)")
 MATRICES = _axis("matrices", "so(3)", "so(4)", "su(3)")
-STRUCTURES = _axis("structures", "any", "common Casimir", "all are B", usual=2)
+CHANNEL_STRUCTURES = _axis("structures", "any", "common Casimir", "all are B", usual=2)
 CASIMIR_DEGREE = _axis("degree of C", ("1", 1, 1), ("2", 2, 2), ("3–4", 3, 4), ("5–6", 5, 6))
 KIND = "kind of step"
 # Kinds of steps in which little moves, or in which one part of Δ is nearly all of Δ. Most faults do
 # not show in them. So the design has no strata for them; one case of each kind follows the design.
-UNEVEN, STILL, UNDONE, NEAR = map(Stratum, ("noises 1e-4–1e4 of h", "h = 0", "Δ = 0", "near ∇H = 0"))
+UNEVEN_NOISES, NO_TIME, NO_STEP, NEAR_REST = map(
+    Stratum, ("noises 1e-4–1e4 of h", "h = 0", "Δ = 0", "near ∇H = 0")
+)
 EXTREME_SIZES = Stratum("|y| = 1e-100", 1e-100, 1e-100), Stratum("|y| = 1e100", 1e100, 1e100)
 # States with components of one sign. In many dimensions random signs hardly ever agree.
 ONE_SIGN = Stratum("all y > 0", 1, 1), Stratum("all y < 0", -1, -1)
-KINDS = (UNEVEN, STILL, UNDONE, NEAR, *EXTREME_SIZES, *ONE_SIGN)
+STEP_KINDS = (UNEVEN_NOISES, NO_TIME, NO_STEP, NEAR_REST, *EXTREME_SIZES, *ONE_SIGN)
 # The largest degree of polynomials in cases in which |y| is 1e±100.
 EXTREME_SIZE_MAX_DEGREE = 2
 FACTOR = _axis("degree of g", ("0", 0, 0), ("1–2", 1, 2), ("3–4", 3, 4))
 
 
-_MADE = "at y = 0 B is made with constant and linear terms"
-_RANK = "B of rank 2 at least leaves d − 2 Casimirs at most"
-RULES = (
+_LINEAR_AT_0 = "at y = 0 B is made with constant and linear terms"
+_RANK_OF_B = "B of rank 2 at least leaves d − 2 Casimirs at most"
+COMBINATION_RULES = (
     Rule(("d", "degree of H", "terms of H"),
          lambda d, degree, terms: monomials(int(d.high), int(degree.high)) < terms.low,
          "there are not so many monomials of this degree in d variables"),
-    Rule(("Casimirs", "d"), lambda casimirs, d: d.high < {"none": 2, "two": 4}.get(casimirs.name, 3), _RANK),
-    Rule(("structures", "d"), lambda kind, d: kind.name == "common Casimir" and d.high < 3, _RANK),
+    Rule(("Casimirs", "d"), lambda casimirs, d: d.high < {"none": 2, "two": 4}.get(casimirs.name, 3), _RANK_OF_B),
+    Rule(("structures", "d"), lambda kind, d: kind.name == "common Casimir" and d.high < 3, _RANK_OF_B),
     Rule(("Jacobi", "Casimirs"), lambda jacobi, casimirs: jacobi.name == "Poisson" and casimirs.name != "none",
          "Poisson structures are made without a list of their Casimirs"),
-    Rule(("Jacobi", "state"), lambda jacobi, state: jacobi.name == "Poisson" and state.name == "0", _MADE),
-    Rule(("Casimirs", "state"), lambda casimirs, state: state.name == "0" and casimirs.name != "none", _MADE),
-    Rule(("structures", "state"), lambda kind, state: state.name == "0" and kind.name != "any", _MADE),
+    Rule(("Jacobi", "state"), lambda jacobi, state: jacobi.name == "Poisson" and state.name == "0", _LINEAR_AT_0),
+    Rule(("Casimirs", "state"), lambda casimirs, state: state.name == "0" and casimirs.name != "none", _LINEAR_AT_0),
+    Rule(("structures", "state"), lambda kind, state: state.name == "0" and kind.name != "any", _LINEAR_AT_0),
     Rule(("algebra", "d"), lambda algebra, d: (algebra.name == "e(3)") == (d.high < 6), "the dimension of the algebra"),
     Rule(("mass", "d"), lambda mass, d: mass.name == "full" and d.high < 4, "one degree of freedom has one mass"),
     Rule(("matrices", "d"), lambda matrices, d: {"so(3)": 3, "so(4)": 6, "su(3)": 9}[matrices.name] != d.high,
@@ -158,7 +160,7 @@ IN_AXES = ("inertia", "principal axes")
 
 # In a stratum with an `end`, the share of cases beyond the usual range: smaller for integers like
 # d, which cost time.
-TAIL = {int: 1 / 4, float: 1 / 2}
+TAIL_SHARE = {int: 1 / 4, float: 1 / 2}
 
 
 def ended(stratum: Stratum, random: Random) -> Stratum:
@@ -166,7 +168,7 @@ def ended(stratum: Stratum, random: Random) -> Stratum:
     or the `end` itself.
     """
     kind = type(stratum.end)
-    if not stratum.end or random.random() >= TAIL[kind]:
+    if not stratum.end or random.random() >= TAIL_SHARE[kind]:
         return stratum._replace(end=0.0)
     inner = stratum.low if stratum.end < stratum.low else stratum.high
     share = random.random() if kind is int else random.choice([1.0, random.random()])
@@ -198,9 +200,9 @@ class Space:
     other strata.
     """
 
-    axes: tuple[Axis, ...]
+    axes: tuple[CaseAxis, ...]
     make: Make
-    rules: tuple[Rule, ...] = RULES
+    rules: tuple[Rule, ...] = COMBINATION_RULES
     beside: frozenset[tuple[str, str]] = frozenset({SHORT_STEP, IN_AXES})
     pool: Space | None = None  # a space whose rows the design reuses, as their cases are made already
     kinds: tuple[Stratum, ...] = ()  # kinds of steps: one case of each kind follows the design
@@ -216,7 +218,7 @@ class Space:
         for axis in self.axes:
             usual = tuple(s.name for s in axis.strata[: axis.usual or None])
             names = where.get(axis.name, usual)
-            axes.append(Axis(axis.name, tuple(s for s in axis.strata if s.name in names), axis.usual))
+            axes.append(CaseAxis(axis.name, tuple(s for s in axis.strata if s.name in names), axis.usual))
         beside = {(axis, name) for axis, names in blind.items() for name in names}
         # A law that names states is about these states; other kinds of steps add nothing.
         kinds = () if STATE.name in where else self.kinds
@@ -307,7 +309,7 @@ class Space:
         for row in self.pool.design().rows:
             levels = self.pool.levels(row)
             # The batch is ignored, because it does not change the content of a case.
-            levels = {name: stratum for name, stratum in levels.items() if name != BATCH.name}
+            levels = {name: stratum for name, stratum in levels.items() if name != BATCH_SIZE.name}
             numbers = [[k for k, s in enumerate(a.strata) if levels.get(a.name, s) == s] for a in self.axes]
             found += [own for own in product(*numbers) if not self.forbidden(own)]
         return found
@@ -337,14 +339,14 @@ def _fits(kind: Stratum, levels: Levels) -> bool:
         levels[STATE.name].name == STATE.strata[0].name
         and (SHARE.name, levels[SHARE.name].name) != SHORT_STEP
     )
-    least = dict.fromkeys((NEAR, *EXTREME_SIZES, *ONE_SIGN), 0) | {UNEVEN: 2}
+    least = dict.fromkeys((NEAR_REST, *EXTREME_SIZES, *ONE_SIGN), 0) | {UNEVEN_NOISES: 2}
     noisy = levels[NOISES.name].low >= least.get(kind, 1)
     of_degree = [levels[a.name].high for a in (DEGREE, STRUCTURE, CASIMIR_DEGREE, FACTOR) if a.name in levels]
     return usual and noisy and (kind not in EXTREME_SIZES or max(of_degree) <= EXTREME_SIZE_MAX_DEGREE)
 
 
 def _without_batch(levels: Iterable[tuple[str, Stratum]]) -> tuple[tuple[str, Stratum], ...]:
-    return tuple(own for own in levels if own[0] != BATCH.name)
+    return tuple(own for own in levels if own[0] != BATCH_SIZE.name)
 
 
 def _none(_levels: Levels, _random: Random, _attempt: int | None) -> Case:
@@ -364,7 +366,7 @@ def _content(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> 
     """
     alone = _without_batch(levels)
     if alone != levels:
-        stratum, random = dict(levels)[BATCH.name], Random(f"{seed} {levels}")
+        stratum, random = dict(levels)[BATCH_SIZE.name], Random(f"{seed} {levels}")
         batch = random.randint(int(stratum.low), int(stratum.high))
         return replace(_content(make, alone, seed), batch=batch)
     return kept(f"cases-{make.__name__}").get(
@@ -386,8 +388,8 @@ def _drawn_until_made(make: Make, levels: tuple[tuple[str, Stratum], ...], seed:
 # After this many draws it is concluded that the strata have no case: the rules of the class forbid
 # too little.
 MOST_ATTEMPTS = 10_000
-_CHOICES = [st.integers(0, n) for n in range(4 * len(KINDS) + 1)]
-_RANDOM = st.randoms(use_true_random=False)
+_CHOICES = [st.integers(0, n) for n in range(4 * len(STEP_KINDS) + 1)]
+RANDOM_GENERATORS = st.randoms(use_true_random=False)
 # Draws of a random search before another row is drawn.
 DRAWS = 4
 
@@ -399,19 +401,19 @@ def _drawn(draw: st.DrawFn, space: Space) -> Case:
         open_ = [k for k in range(len(axis.strata)) if not space.forbidden([*row[:a], k, *row[a + 1 :]])]
         assume(open_)
         row[a] = open_[draw(_CHOICES[len(open_) - 1])] if len(open_) > 1 else open_[0]
-    levels, random = space.levels(tuple(k for k in row if k is not None)), draw(_RANDOM)
+    levels, random = space.levels(tuple(k for k in row if k is not None)), draw(RANDOM_GENERATORS)
     levels = {axis: ended(stratum, random) for axis, stratum in levels.items()}
     kinds = [kind for kind in space.kinds if _fits(kind, levels)]
     if kinds and (kind := draw(_CHOICES[4 * len(kinds)])) > 3 * len(kinds):
         levels[KIND] = kinds[kind - 3 * len(kinds) - 1]
-    batch = levels.pop(BATCH.name, None)
+    batch = levels.pop(BATCH_SIZE.name, None)
     case = next(filter(None, (space.make(levels, random, None) for _ in range(DRAWS))), None)
     assume(case is not None)
     assert case is not None
     return replace(case, batch=random.randint(int(batch.low), int(batch.high))) if batch else case
 
 
-def possible(axes: list[Axis], rules: tuple[Rule, ...]) -> list[Axis]:
+def possible(axes: list[CaseAxis], rules: tuple[Rule, ...]) -> list[CaseAxis]:
     """The axes, from which strata are removed that occur in no combination allowed by the rules."""
     for rule in rules:
         named = [axis for axis in axes if axis.name in rule.axes]

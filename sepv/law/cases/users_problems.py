@@ -19,7 +19,7 @@ from sepv import problems as named
 from sepv._arguments import did_you_mean
 from sepv.errors import UsageError
 from sepv.law.cases.case import Case
-from sepv.law.cases.classes import FAMILIES
+from sepv.law.cases.classes import NARROW_CLASSES
 from sepv.law.cases.ends import in_known_units
 from sepv.law.cases.from_problem import describe, of_case, start_of
 from sepv.law.cases.strata import Space, Strata
@@ -118,8 +118,8 @@ def _item(asked: Any) -> Item:
         return asked
     text = asked if isinstance(asked, str) else ""
     family = text.replace("_", "-")
-    if family in FAMILIES:
-        narrow = FAMILIES[Systems(family)]
+    if family in NARROW_CLASSES:
+        narrow = NARROW_CLASSES[Systems(family)]
         problems = tuple(named.by_name(p) if isinstance(p, str) else p() for p in narrow.problems)
         return Item(text, narrow.space.part().strategy(), problems, None, narrow.space, narrow.any_terms)
     value = load_object(text) if ":" in text and not text.endswith(".json") else asked
@@ -134,11 +134,17 @@ def _item(asked: Any) -> Item:
     except UsageError as error:
         if text.endswith(".json"):
             raise
-        known = [*map(str, FAMILIES), *named.PAPER, *named.EXTENSIONS, *named.SEVERAL, *named.HAMILTONIANS]
+        known = [
+            *map(str, NARROW_CLASSES),
+            *named.PAPER,
+            *named.EXTENSIONS,
+            *named.SEVERAL,
+            *named.HAMILTONIANS,
+        ]
         raise UsageError(
             expected=f"{error.expected}; or a family; or a Hypothesis strategy of them",
             received=did_you_mean(text, known) if text and ":" not in text else error.received,
-            remedy=f"{error.remedy}. The families are {', '.join(FAMILIES)}",
+            remedy=f"{error.remedy}. The families are {', '.join(NARROW_CLASSES)}",
         ) from error
     own = (problem,) if problem.initial is not None else ()
     return Item(text, st.just(describe(problem, text)), own, problem)
@@ -150,7 +156,7 @@ def sources(scheme: Any) -> tuple[Item, ...]:
     """
     if scheme.problems:
         return items(scheme.problems)
-    return items(scheme.systems) if scheme.systems in FAMILIES else ()
+    return items(scheme.systems) if scheme.systems in NARROW_CLASSES else ()
 
 
 def objects_of(scheme: Any) -> tuple[Problem, ...]:

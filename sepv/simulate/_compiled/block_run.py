@@ -133,7 +133,8 @@ class CompiledChunk:
         # free the arrays.
         address = ctypes.c_void_p.from_buffer(left_over).value
         self.driver.run(
-            self.draws.BEGINNING, self.draws.FILLING, self.draws.DRAWING, module.STARTING, module.ADVANCING, address,
+            self.draws.BEGIN_ADDRESS, self.draws.FILL_ADDRESS, self.draws.NORMALS_ADDRESS, module.STARTING,
+            module.ADVANCING, address,
             *self.blocks, self.ends, self.W, self.marks, self.steps, goal, self.y0, self.words, self.task.first,
             self.spreads, self.grid.base, self.grid.top, self.given, self.task.place, self.task.h, self.bound,
             self.thresholds, self.values, self.kernel.parameters, *self.buffers,

@@ -198,4 +198,4 @@ def begin(
         apart //= 2
 
 
-BEGINNING, FILLING, DRAWING = address(begin), address(fill), address(normals)
+BEGIN_ADDRESS, FILL_ADDRESS, NORMALS_ADDRESS = address(begin), address(fill), address(normals)

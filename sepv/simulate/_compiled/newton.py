@@ -34,12 +34,12 @@ from sepv.simulate._compiled.writer import Writer
 # other H two have error O(Δ³). Sweeps of ȳ cost less: in the rigid body the fifth saves 1/10 of the
 # time at h = 0.03 (in groups), and costs 1/50 at h = 0.002.
 QUADRATIC_SWEEPS, MIDDLE_SWEEPS, ROUGH_SWEEPS = 4, 5, 2
-# Newton steps in registers, for up to LARGE unknowns; only the last is tested. With compensated
-# summation there are one or two more, because a correction below half a rounding of z is lost when
-# it is applied. The error that remains has a mean of 1e-4 roundings in a step of the path, and a
-# tenth of this after each further Newton step.
+# Newton steps in registers, for up to LARGE_UNKNOWNS unknowns; only the last is tested. With
+# compensated summation there are one or two more, because a correction below half a rounding of z
+# is lost when it is applied. The error that remains has a mean of 1e-4 roundings in a step of the
+# path, and a tenth of this after each further Newton step.
 FIRST_STEPS = 2
-LARGE = 6
+LARGE_UNKNOWNS = 6
 # The most Newton steps of a group of lanes; `sepv.core` solves the lanes that are not done after
 # them.
 MORE_ITERATIONS = 8
@@ -54,7 +54,7 @@ class NewtonWriter(Writer):
         self, problem: RecordedProblem, formula: Formula, noises: int, lanes: int, compensated: bool
     ) -> None:
         super().__init__(problem, formula, noises, lanes, compensated)
-        small = self.unknowns <= LARGE
+        small = self.unknowns <= LARGE_UNKNOWNS
         exact = 0 < problem.degree <= 2
         self.sweeps = (QUADRATIC_SWEEPS if exact else ROUGH_SWEEPS) if small else 0
         self.steps = FIRST_STEPS + (compensated and (1 if exact else 2)) if small else 0

@@ -104,14 +104,14 @@ def ordinary(name: str) -> ModuleType:
 
 # A module that a thread is still executing is already in sys.modules, where another thread would
 # see it incomplete.
-_LOADING = threading.RLock()
+_LOADING_LOCK = threading.RLock()
 
 
 def load(text: str) -> ModuleType:
     """The module with the source `text`, compiled, or read from the cache if it was compiled
     before.
     """
-    with _LOADING:
+    with _LOADING_LOCK:
         return _loaded(text)
 
 

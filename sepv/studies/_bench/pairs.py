@@ -30,11 +30,11 @@ from sepv.studies._bench.gate import GATE_ALPHA, MeasuredChange
 
 # The seconds of one measurement: long beside the clock's resolution, short beside changes of the
 # machine's load.
-READING = 0.02
+READING_SECONDS = 0.02
 TIMED_PAIRS = 8
 FEWEST_BATCHES = 4
 # A case needs no further batch if both bounds are within this fraction of its ratio.
-HALF_WIDTH = 0.02
+RATIO_HALF_WIDTH = 0.02
 # Head is slower if the lower bound of the ratio is above this number, and faster if the upper bound
 # is below its inverse. Two per cent allow for an effect that pairing cannot remove: other code lies
 # in another place of memory.
@@ -185,7 +185,7 @@ def _batch(sides: tuple[Side, Side], job: dict[str, Any]) -> list[tuple[float, f
     for side in sides:
         side.ask({**job, "loops": 1})  # not timed, because the first run does additional work
     once = max(side.ask({**job, "loops": 1})["seconds"][1] for side in sides)
-    question = {**job, "loops": max(1, round(READING / once))}
+    question = {**job, "loops": max(1, round(READING_SECONDS / once))}
     pairs = []
     for n in range(TIMED_PAIRS):
         order = (0, 1) if n % 2 == 0 else (1, 0)
@@ -200,7 +200,7 @@ def _batch(sides: tuple[Side, Side], job: dict[str, Any]) -> list[tuple[float, f
 def _settled(times: Times) -> bool:
     ratio, low, high = times.bounds(0)
     clear = low > TIME_TOLERANCE or high < 1 / TIME_TOLERANCE
-    return clear or max(high / ratio, ratio / low) < 1 + HALF_WIDTH
+    return clear or max(high / ratio, ratio / low) < 1 + RATIO_HALF_WIDTH
 
 
 def _check(target: str, times: Times, clock: int) -> MeasuredChange:

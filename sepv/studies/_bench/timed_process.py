@@ -16,7 +16,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-HERE = Path(__file__).resolve().parent
+BENCH_FOLDER = Path(__file__).resolve().parent
 
 
 def _from_file(name: str, path: Path) -> ModuleType:
@@ -37,8 +37,8 @@ def main() -> None:
     os.dup2(2, 1)
     import sepv  # noqa: F401  (what follows belongs to the checkout's sepv)
 
-    _from_file("sepv.studies._evaluation_count", HERE.parent / "_evaluation_count.py")
-    measuring = _from_file("sepv.studies._bench.measure", HERE / "measure.py")
+    _from_file("sepv.studies._evaluation_count", BENCH_FOLDER.parent / "_evaluation_count.py")
+    measuring = _from_file("sepv.studies._bench.measure", BENCH_FOLDER / "measure.py")
     scheme = None
     for line in sys.stdin:
         question: dict[str, Any] = json.loads(line)

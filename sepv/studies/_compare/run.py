@@ -30,7 +30,7 @@ from sepv.workers import run_all
 POINT_ALPHA = 0.05
 # The number of paths for drivers that go path by path: at about 10 µs per step, all paths would
 # take hours.
-SINGLE_PATHS = 64
+PATH_BY_PATH_PATHS = 64
 # A job of fewer seconds is repeated within one measurement of time.
 SHORTEST_JOB_SECONDS = 2e-3
 
@@ -172,7 +172,7 @@ def _prepared(
         try:
             for count in list(coarse) if method.steps_matter else [max(coarse)]:
                 begin(f"{method.name}, {count} steps")
-                dW = coarse[count] if method.batched else coarse[count][:, :, :SINGLE_PATHS]
+                dW = coarse[count] if method.batched else coarse[count][:, :, :PATH_BY_PATH_PATHS]
                 job = method.prepare(problem, start, T / count, dW)
                 watched = (method.follow, problem, start, T / count, dW)
                 of_method.append(_Cell(method, count, job, _time(job)[0], watched))

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 # The error of clipping is noted if it is more than this fraction of the strong error (its square is
 # about a tenth).
-CLIPPED = 0.3
+NOTED_CLIPPING_SHARE = 0.3
 # The mark before a time to an error, for each value of `TimeToError.how`.
 TIME_MARKS = {"between": "", "beyond": "~", "coarsest": "≤"}
 # A driver is said to wait for something outside this process if its quotient of clock time to
 # processor time is this many times the median of all drivers. On a busy machine, the quotient is
 # larger for all drivers.
-WAITS = 10.0
+WAITS_FACTOR = 10.0
 
 # The headings of the columns, with their least widths.
 COLUMN_WIDTHS = {
@@ -151,7 +151,7 @@ def notes(comparison: Compared) -> list[str]:
             lines.append(f"{name}: {first:.2g} s of compilation, not in the times above")
         if points[0].paths < most:
             lines.append(f"{name}: goes path by path, {points[0].paths} paths instead of {most}")
-        clipped = [p for p in points if p.clipping > CLIPPED * p.strong.value]
+        clipped = [p for p in points if p.clipping > NOTED_CLIPPING_SHARE * p.strong.value]
         if clipped:
             worst = max(clipped, key=lambda p: p.clipping / (p.strong.value or p.clipping))
             lines.append(
@@ -162,7 +162,7 @@ def notes(comparison: Compared) -> list[str]:
             lines.append(
                 f"{name}: paths that failed count in no error and no defect; such steps reach no target"
             )
-        if all(p.seconds.wall > WAITS * busy * p.seconds.median for p in points):
+        if all(p.seconds.wall > WAITS_FACTOR * busy * p.seconds.median for p in points):
             lines.append(
                 f"{name}: much slower by the clock than its processor time says: it waits for something"
             )

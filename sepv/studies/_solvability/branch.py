@@ -29,7 +29,7 @@ from sepv.schemes import BY_FILE, Implicit, Scheme, energy_preserving
 BRANCH_MAX_STEPS = 4000
 # The longest arclength of a step, to be multiplied by 1 + |z| so that a branch can reach infinity;
 # and the shortest.
-LONGEST, SHORTEST = 0.05, 1e-9
+MAX_ARCLENGTH, MIN_ARCLENGTH = 0.05, 1e-9
 # The arclength to which a fold is located. Δ has a maximum at the fold, so that the error of Δ is
 # about its square.
 FOLD = 1e-6
@@ -196,11 +196,13 @@ class _Follower:
         here = lanes[taken]
         self.w[:, here], self.tangent[:, here] = w[:, taken], new[:, taken]
         self.ds[lanes] = np.where(taken, np.where(quick, 1.5, 1.0) * ds, 0.5 * ds)
-        self.ds[lanes] = np.minimum(self.ds[lanes], LONGEST * (1 + np.abs(self.w[:, lanes]).max(axis=0)))
+        self.ds[lanes] = np.minimum(
+            self.ds[lanes], MAX_ARCLENGTH * (1 + np.abs(self.w[:, lanes]).max(axis=0))
+        )
         self.end[lanes[taken & folded]] = End.FOLD
         self.end[lanes[taken & ~folded & (w[-1] >= 1)]] = End.RANGE
         self.end[lanes[taken & (np.abs(w[:-1]).max(axis=0) > ESCAPE_FACTOR)]] = End.INFINITY
-        short = ~taken & (self.ds[lanes] < SHORTEST)
+        short = ~taken & (self.ds[lanes] < MIN_ARCLENGTH)
         self.end[lanes[short]] = np.where(inside[short], End.LOST, End.BOUNDARY)
 
     def correct(self, start: Array, t: Array, lanes: np.ndarray) -> tuple[Array, np.ndarray, np.ndarray]:

@@ -26,7 +26,7 @@ COLOURS = {
     Ending.UNKNOWN: "#CC79A7",
 }
 # The style of mean chances, and the style of worst chances and of the ends of branches.
-MEAN, WORST = Look("#0072B2", "#56B4E9", "o"), Look("#D55E00", "#FF8A3D", "s", "4 2")
+MEAN_LOOK, WORST_LOOK = Look("#0072B2", "#56B4E9", "o"), Look("#D55E00", "#FF8A3D", "s", "4 2")
 
 
 def draw(map_: Map, steps: Sequence[float], k: int | None, suffix: str, exits: Sequence[Exits] = ()) -> bytes:
@@ -57,7 +57,7 @@ def _map(axes: Any, map_: Map) -> None:
     for branch, sign in ((map_.forward, 1), (map_.backward, -1)):
         furthest = np.abs(map_.delta).max()
         reach = np.where(branch.reach < furthest, sign * branch.reach, np.nan)
-        axes.plot(reach, map_.theta, color=WORST.colour, lw=1.4)
+        axes.plot(reach, map_.theta, color=WORST_LOOK.colour, lw=1.4)
     axes.axvline(0, color="#888888", lw=0.6)
     axes.set_xlabel("Δ")
     axes.set_ylabel("y0 = φ_θ(initial state), θ")
@@ -66,7 +66,7 @@ def _map(axes: Any, map_: Map) -> None:
         Patch(facecolor=COLOURS[kind], edgecolor="#555555", label=kind.text) for kind in present
     ]
     if min(map_.forward.reach.min(), map_.backward.reach.min()) < np.abs(map_.delta).max():
-        handles.append(Line2D([], [], color=WORST.colour, lw=1.4, label="end of the branch"))
+        handles.append(Line2D([], [], color=WORST_LOOK.colour, lw=1.4, label="end of the branch"))
     axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, fontsize=8)
 
 
@@ -76,7 +76,7 @@ def _chances(axes: Any, map_: Map, steps: Sequence[float], k: int | None) -> Non
     c = ", ".join(f"{v:g}" for v in map_.problem.c)
     axes.set_title(f"c = {c or 'none'}; " + (f"truncated, k = {k}" if k else "untruncated"), fontsize=9)
     if max(worst) <= 0:
-        axes.plot(steps, [0.0] * len(steps), **line(MEAN))
+        axes.plot(steps, [0.0] * len(steps), **line(MEAN_LOOK))
         frame(axes, Axis("h", log=True), Axis(chance), x_base=2)
         axes.set_yticks([])
         axes.text(
@@ -87,7 +87,10 @@ def _chances(axes: Any, map_: Map, steps: Sequence[float], k: int | None) -> Non
             ha="center",
         )
         return
-    for values, look, label in ((mean, MEAN, "mean over the states"), (worst, WORST, "worst state")):
+    for values, look, label in (
+        (mean, MEAN_LOOK, "mean over the states"),
+        (worst, WORST_LOOK, "worst state"),
+    ):
         shown = [(h, p) for h, p in zip(steps, values, strict=True) if p > 0]
         axes.plot(*zip(*shown, strict=True), **line(look), label=label)
     axes.set_xlim(min(steps) / 1.4, max(steps) * 1.4)
