@@ -94,6 +94,5 @@ from sepv.problem._structures import ClosedForm, undefined
 from sepv.problem._structures import CommutingStructure as CommutingStructure
 from sepv.problem._structures import StructuresProblem as StructuresProblem
 from sepv.problem._structures import commuting_hamiltonians as commuting_hamiltonians
-from sepv.problem._systems import FACTS as FACTS
-from sepv.problem._systems import Fact as Fact
+from sepv.problem._systems import FACTS, Fact
 from sepv.problem._systems import Systems as Systems
