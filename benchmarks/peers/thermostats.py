@@ -56,12 +56,8 @@ NOISE = """\
   trajectories, but LFMiddle returns half step (leapfrog) velocities".
 
 ASE gets velocities as differences of positions over h, "recalc velocities after RATTLE constraints are applied". So the
-roundings of q, divided by h, are in p. ASE's text states no strong order: the mean-square order 2 claimed here is that
-of the paper's title and of our own expansion. With it the laws take no steps below 2⁻¹⁶ here.
-
-The slope of *local-mean-square* is 3/2 for BAOAB. It is measured at steps down to 1e-8, where 1 − c₁² in "c2 =
-sqrt(kT*(1-c1²))" with "c1 = exp(-gamma*dt)" has lost half of its digits: 1.39 and 1.30. A NumPy step with
-−expm1(−2γh) in its place has 1.50. At usual step sizes this is no difference.
+roundings of q, divided by h, are in p, for which the laws about one step allow. ASE's text states no strong order: the
+mean-square order 2 claimed here is that of the paper's title and of our own expansion.
 
 We read the docstrings and the source of the three integrators, and the documentation of OpenMM's."""
 
