@@ -76,9 +76,10 @@ def _field(
 
 
 def _damped(data: PolynomialSystem, y0: Sequence[Fraction], field: list[Rational]) -> list[Rational]:
-    """The field with the friction −Γ(y0 + x), for a matrix Γ."""
-    d = len(y0)
-    rows = [[Fraction(float(v)) for v in row] for row in data.damping or [[0.0] * d] * d]
+    """The field with the damping −Γ(y0 + x), Γ = γI for a number γ."""
+    d, rate = len(y0), data.damping
+    given = rate if isinstance(rate, tuple) else [[rate * (i == j) for j in range(d)] for i in range(d)]
+    rows = [[Fraction(float(v)) for v in row] for row in given]
     units = [tuple(int(n == j) for n in range(d)) for j in range(d)]
     return [
         _sum(
@@ -95,16 +96,14 @@ def fields(data: PolynomialSystem, y0: Sequence[float]) -> list[list[Rational]]:
     at = [Fraction(float(v)) for v in y0]
     noise = [Fraction(float(c)) for c in data.noise]
     B, H = data.structure, data.hamiltonian
+    drift = _damped(data, at, _field(B, H, Fraction(1), at))
     if data.noise_vectors:
         vectors = zip(data.noise_vectors, noise, strict=True)
         pushes = [[{(0,) * len(at): c * Fraction(float(v))} for v in g] for g, c in vectors]
-        return [_damped(data, at, _field(B, H, Fraction(1), at)), *pushes]
+        return [drift, *pushes]
     pairs = [(G, H) for G in data.noise_structures] or [(B, p) for p in data.noise_hamiltonians]
     pairs = pairs or [(B, H)] * len(noise)
-    return [
-        _field(B, H, Fraction(1), at),
-        *(_field(G, p, c, at) for (G, p), c in zip(pairs, noise, strict=True)),
-    ]
+    return [drift, *(_field(G, p, c, at) for (G, p), c in zip(pairs, noise, strict=True))]
 
 
 def is_linear(data: PolynomialSystem) -> bool:

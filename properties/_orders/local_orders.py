@@ -19,7 +19,7 @@ from sepv.properties._orders.local_errors import STEP_LEVELS, LocalErrors, local
 from sepv.errors import Skipped
 from sepv.files import finite
 from sepv.law import Finding, Law, Run, Verdict, first_order
-from sepv.problem import Array, Problem, damping_of, noise_vectors
+from sepv.problem import Array, Problem, uniform_damping
 from sepv.record import EPS
 from sepv.schemes import Scheme, order_of
 
@@ -171,7 +171,7 @@ def judge(
     skipped: list[Skipped] = []
     unknown = ""
     for problem in problems_for(scheme) if problems is None else problems:
-        if damping_of(problem) and not len(noise_vectors(problem)):
+        if uniform_damping(problem):
             unknown = f"the solution of one step of {problem.name} is not known here: it depends on the path"
             lines.append(f"{problem.name}: skipped, {unknown}")
             continue

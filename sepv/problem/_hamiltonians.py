@@ -58,8 +58,8 @@ class HamiltoniansProblem(Problem):
         g_1, …, g_m of additive noise Σ c_j g_j dW_j, in the place of the B∇H_j. `casimirs` are
         still those of B.
     damping : (d, d) matrix, optional
-        Γ of a friction −Γy dt in the drift, beside additive noise by `noise_vectors`
-        (`sepv.problem.friction`).
+        Γ of a friction −Γy dt in the drift, beside noises of either kind. `sepv.problem.friction`
+        makes one at a temperature, with `noise_vectors`.
 
     Raises
     ------
@@ -100,15 +100,9 @@ class HamiltoniansProblem(Problem):
             # The number 0 and a tuple without rows are false: `problem.damping` is true where there
             # is friction.
             object.__setattr__(self, "damping", tuple(map(tuple, rows.tolist())) if rows.any() else 0.0)
-        if self.damping and (self.noise_hamiltonians or self.noise_gradients):
-            raise ProblemError(
-                expected="friction −Γy dt beside noise_vectors",
-                received="damping, and noises with Hamiltonians of their own",
-                remedy="give every noise its vector B∇H_j",
-            )
-        if self.noise_vectors:
-            vectors = tuple(constant("noise_vectors", g, (self.dimension,)) for g in self.noise_vectors)
-            object.__setattr__(self, "noise_vectors", vectors)
+        vectors = tuple(constant("noise_vectors", g, (self.dimension,)) for g in self.noise_vectors)
+        object.__setattr__(self, "noise_vectors", vectors)
+        if vectors:
             require_one_for_each_noise(self, "noise_vectors", "g_j")
             if self.noise_hamiltonians:
                 raise ProblemError(

@@ -70,7 +70,7 @@ class PolynomialSystem:
     damping : float or matrix
         The rate γ of a damping −γy dt (`sepv.problem.DampedProblem`), for systems with none of the
         three `noise_…`; or the matrix Γ of a friction −Γy dt, row by row, for systems with
-        `noise_vectors` or without noise.
+        `noise_vectors` or `noise_hamiltonians`, or without noise.
     invariants : tuple of (name, polynomial)
         Other functions I with LI = σ − λI, as in `Problem`.
     """

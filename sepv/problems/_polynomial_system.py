@@ -72,17 +72,19 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
         check=False,
     )
     more = data.noise_structures or data.noise_hamiltonians or data.noise_vectors
-    if isinstance(data.damping, tuple) and not (data.noise_structures or data.noise_hamiltonians):
+    if data.damping and (data.noise_structures or (more and not isinstance(data.damping, tuple))):
+        raise ProblemError(
+            expected="damping: a matrix beside noise_vectors or noise_hamiltonians, a number where noises have the "
+            "field of the drift",
+            received=f"{data.damping!r:.80}, and noises with "
+            f"{'structures' if data.noise_structures else 'fields'} of their own",
+            remedy="give the matrix γI for a rate γ, and no noise_structures",
+        )
+    if isinstance(data.damping, tuple) and not data.noise_hamiltonians:
         return HamiltoniansProblem(
             **_shared(problem), noise_vectors=data.noise_vectors, damping=data.damping, check=False
         )
-    if data.damping and more:
-        raise ProblemError(
-            expected="damping of a system with one structure and one Hamiltonian, or a matrix beside noise_vectors",
-            received="damping, and noises with structures, Hamiltonians or vectors of their own",
-            remedy="leave out one or the other",
-        )
-    if data.damping:
+    if data.damping and not more:
         return DampedProblem(**_shared(problem), damping=data.damping, check=False)
     return _with_more_noise(problem, data) if more else problem
 
@@ -124,8 +126,8 @@ def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
     """The problem `drift` with the noises of `data`, which has a structure,
     a Hamiltonian or a vector for each c_j.
 
-    If {H, H_j} = 0 for all noise Hamiltonians, the flow keeps H, and the result is a
-    `StructuresProblem`.
+    If {H, H_j} = 0 for all noise Hamiltonians, and there is no friction, the flow keeps H, and the
+    result is a `StructuresProblem`.
     """
     d = data.dimension
     counts = [len(data.noise_structures), len(data.noise_hamiltonians), len(data.noise_vectors)]
@@ -142,12 +144,15 @@ def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
         slopes = [poly.gradient(p) for p in data.noise_hamiltonians]
         gradients = [PolynomialMap((d,), slope) for slope in slopes]
         hessians = [PolynomialMap((d, d), _hessian(slope)) for slope in slopes]
-        if not all(vanishes(bracket(data, data.hamiltonian, p)) for p in data.noise_hamiltonians):
+        if data.damping or not all(
+            vanishes(bracket(data, data.hamiltonian, p)) for p in data.noise_hamiltonians
+        ):
             return HamiltoniansProblem(
                 **_shared(drift),
                 noise_hamiltonians=tuple(PolynomialMap((), (p,)) for p in data.noise_hamiltonians),
                 noise_gradients=tuple(gradients),
                 noise_hessians=tuple(hessians),
+                damping=data.damping,
                 check=False,
             )
         return commuting_hamiltonians(

@@ -15,6 +15,7 @@ fields commute. The weak order is 1.
 
 from __future__ import annotations
 
+from sepv.core.problem import require_undamped
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem
 from sepv.schemes._one_step import CLAIMS_OF_ALL, one_step
@@ -29,6 +30,7 @@ def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
     Raises Skipped for a problem without `flows` of parts of H_0, or without `noise_flows`.
     """
+    require_undamped(problem)
     noise_flows = getattr(problem, "noise_flows", ())
     if not problem.flows or not noise_flows:
         raise Skipped(f"{problem.name} gives no exact flows of its Hamiltonians (flows, noise_flows)")

@@ -1,4 +1,7 @@
-"""Friction with additive noise: the record, its facts, and which schemes take it."""
+"""Friction with noise: the record, its facts, and which schemes take it."""
+
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +12,7 @@ from sepv.errors import ProblemError, SepvError, UsageError
 from sepv.problem import (
     DampedProblem,
     HamiltoniansProblem,
+    PolynomialSystem,
     Problem,
     bracket,
     conformal_rate,
@@ -17,9 +21,14 @@ from sepv.problem import (
     friction,
     ito_drift,
     langevin,
+    noise_field,
+    noise_vectors,
     temperature,
 )
-from sepv.schemes import built_in
+from sepv.problems import canonical, started
+from sepv.record import poly
+from sepv.schemes import Scheme, built_in
+from sepv.verification import Effort
 
 NAMES = ("langevin-oscillator", "langevin-double-well", "langevin-pair")
 OTHER_SCHEMES = [*sepv.schemes.PAPER, *sepv.schemes.EXTENSIONS, *sepv.schemes.HAMILTONIANS, "conformal"]
@@ -98,10 +107,83 @@ def test_a_wrong_rate_or_temperature_is_refused(rate: object, kT: float) -> None
         friction(problems.harmonic_trap((1.0,)), rate, kT)  # type: ignore[arg-type]
 
 
-def test_friction_goes_with_vectors_and_not_with_hamiltonians() -> None:
-    with pytest.raises(ProblemError, match="noise_vectors"):
-        HamiltoniansProblem(2, problems.harmonic_oscillator().structure, lambda y: y[0] ** 2 + y[1] ** 2, noise=(1.0,),
-                            noise_hamiltonians=(lambda y: y[1],), damping=np.eye(2))  # fmt: skip
+SHAKEN = PolynomialSystem(
+    2, poly.add(poly.squares((1.0, 1.0)), poly.polynomial(2, {(4, 0): 0.25})), canonical(2, 1.0), (0.5,),
+    noise_hamiltonians=(poly.squares((1.0, 0.0)),), damping=((0.0, 0.0), (0.0, 0.5)),
+)  # fmt: skip
+
+
+def shaken(**changes: Any) -> Problem:
+    """An oscillator with friction whose stiffness is noisy, from functions."""
+    facts: dict[str, Any] = {
+        "noise_hamiltonians": (lambda y: y[0] ** 2 / 2,),
+        "damping": SHAKEN.damping,
+    } | changes
+    return HamiltoniansProblem(
+        2, np.array([[0.0, 1.0], [-1.0, 0.0]]), lambda y: (y[0] ** 2 + y[1] ** 2) / 2 + y[0] ** 4 / 4,
+        noise=(0.5,), initial=(1.0, 0.5), name="shaken", **facts,
+    )  # fmt: skip
+
+
+def heun(problem: Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
+    def field(z: np.ndarray) -> np.ndarray:
+        noises = enumerate(zip(problem.c, dW, strict=True))
+        return np.asarray(
+            h * drift(problem, z) + sum(c * w * noise_field(problem, j, z) for j, (c, w) in noises)
+        )
+
+    k = field(y)
+    return y + 0.5 * (k + field(y + k))
+
+
+def test_friction_goes_with_noises_that_have_hamiltonians() -> None:
+    data, y = started(SHAKEN, "shaken", (1.0, 0.5)), np.array([0.75, -1.5])
+    assert drift(data, y).tolist() == [-1.5, -(0.75 + 0.75**3) + 0.5 * 1.5] == drift(shaken(), y).tolist()
+    assert noise_field(data, 0, y).tolist() == [0.0, -0.75]
+    assert problems.build(problems.from_json(problems.to_json(data))).channels[0].damping == SHAKEN.damping
+    assert kappa(data) == 0.5
+
+
+@pytest.mark.parametrize("problem", [started(SHAKEN, "shaken", (1.0, 0.5)), shaken()])
+def test_laws_judge_friction_beside_hamiltonians(problem: Problem) -> None:
+    right = Scheme(
+        "Heun", heun, systems="friction", problems=[problem], mean_square_order=1, weak_order=1, truncation=None,
+        batched=True,
+    )  # fmt: skip
+
+    def frictionless(problem: Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
+        """The step of a problem without the friction, to first order."""
+        return heun(problem, y, h, dW) + h * damping_matrix(problem) @ y
+
+    laws = ["deterministic-order", "local-mean", "local-weak", "right-limit"]
+    effort = Effort(corpus=False, paths=512)
+    for scheme, verdict in ((right, "holds"), (replace(right, step=frictionless), "violated")):
+        found = sepv.verify(scheme, laws=laws, effort=effort).findings
+        assert [f.verdict.text for f in found] == [verdict] * len(laws)
+    rest = sepv.verify(right, laws=["equilibrium", "energy"], effort=effort).findings
+    assert [f.verdict.text for f in rest] == ["not applicable"] * 2
+
+
+@pytest.mark.parametrize("scheme", [*OTHER_SCHEMES, "baoab", "obabo", "friction-euler-maruyama"])
+def test_no_built_in_scheme_leaves_out_a_part_of_such_a_system(scheme: str) -> None:
+    def flow(y: np.ndarray, t: np.ndarray) -> np.ndarray:
+        return y
+
+    with pytest.raises(SepvError):
+        sepv.integrate(scheme, shaken(flows=(flow,), noise_flows=(flow,)), h=0.125, T=0.25, seed=1)
+
+
+def test_damping_that_no_system_has_is_refused_with_a_remedy() -> None:
+    with pytest.raises(ProblemError, match="the matrix γI for a rate γ"):
+        problems.build(replace(SHAKEN, damping=0.5))
+
+
+def test_the_rows_of_an_array_are_noise_vectors() -> None:
+    structure = problems.harmonic_oscillator().structure
+    problem = HamiltoniansProblem(
+        2, structure, lambda y: y[0] ** 2 + y[1] ** 2, noise=(1.0, 2.0), noise_vectors=np.eye(2)
+    )
+    assert noise_vectors(problem).tolist() == np.eye(2).tolist()
 
 
 def test_the_mean_square_of_p_under_friction_is_a_stated_invariant() -> None:

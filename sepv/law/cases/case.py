@@ -25,7 +25,6 @@ from sepv.problem import (
     NamedProblem,
     PolynomialSystem,
     Problem,
-    noise_vectors,
     one_field,
     problem_from_json,
     problem_to_json,
@@ -150,10 +149,14 @@ def quiet_problem(problem: Problem) -> Problem:
     """The problem without noise, c = (); the same problem always gives the same object."""
     data = None if problem.data is None else _with_coefficients(problem.data, ())
     assert not isinstance(data, GivenProblem)
-    vectors: dict[str, Any] = {"noise_vectors": ()} if len(noise_vectors(problem)) else {}
-    if vectors and isinstance(data, PolynomialSystem):
-        data = replace(data, noise_vectors=())
-    return replace(problem, noise=(), data=data, check=False, **vectors) if problem.noises else problem
+    own: dict[str, Any] = {key: () for key in _OF_NOISES if len(getattr(problem, key, ()))}
+    if own and isinstance(data, PolynomialSystem):
+        data = replace(data, noise_vectors=(), noise_hamiltonians=())
+    return replace(problem, noise=(), data=data, check=False, **own) if problem.noises else problem
+
+
+# Parts of a problem with one entry for each noise. Without noise they are empty.
+_OF_NOISES = ("noise_vectors", "noise_hamiltonians", "noise_gradients", "noise_hessians", "noise_flows")
 
 
 @lru_cache(maxsize=256)
