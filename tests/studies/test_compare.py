@@ -328,3 +328,12 @@ def test_without_noise_there_is_one_trajectory_with_two_prices() -> None:
     heads = "µs a path to an error at T, and |ΔH| there", "µs a path to |ΔH| up to T, and |ΔH| there"
     assert tuple(t.title for t in table.target_tables(found)) == heads
     obeys(found.to_json(), "comparison")
+
+
+def test_a_clock_that_does_not_tick_gives_times_of_a_tick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A profiler, or a clock of sixty ticks a second, may count no processor time at all."""
+    monkeypatch.setattr("sepv.studies._compare.run.process_time", lambda: 0.0)
+    method = from_scheme(schemes.euler_heun, problems.pendulum(), "numpy")
+    found = compare([method], problems.pendulum(), steps=[4], paths=32, repeats=1)
+    assert all(0 < p.seconds.median < 1e-3 for p in found.points)
+    assert len(table.point_tables(found)) > 0

@@ -9,7 +9,7 @@ import platform
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from time import perf_counter, process_time
+from time import get_clock_info, perf_counter, process_time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,6 +33,8 @@ POINT_ALPHA = 0.05
 PATH_BY_PATH_PATHS = 64
 # A job of fewer seconds is repeated within one measurement of time.
 SHORTEST_JOB_SECONDS = 2e-3
+# A clock of the processor that has not ticked has counted less than this.
+TICK_SECONDS = get_clock_info("process_time").resolution
 
 # A function of the name of the current work and the fraction of the whole work that is done, 0
 # to 1.
@@ -220,7 +222,8 @@ def _time(job: Callable[[], MethodEnds], inner: int = 1) -> tuple[float, float]:
     begin = process_time(), perf_counter()
     for _ in range(inner):
         job()
-    return (process_time() - begin[0]) / inner, (perf_counter() - begin[1]) / inner
+    processor = max(process_time() - begin[0], TICK_SECONDS)
+    return processor / inner, (perf_counter() - begin[1]) / inner
 
 
 def _point(cell: _Cell, run: Followed, problem: Problem, T: float, exact: Array, seconds: Array) -> Point:
