@@ -21,6 +21,7 @@ import mpmath
 
 Number = Any
 Vector = list[Number]
+Matrix = list[Vector]
 Function = Callable[[Number], Number]
 Rule = Sequence[tuple[Number, Number]]
 

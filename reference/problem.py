@@ -14,6 +14,7 @@ from typing import Any
 from sepv.reference.arithmetic import (
     BINARY64,
     Arithmetic,
+    Matrix,
     Number,
     Rule,
     Vector,
@@ -27,7 +28,6 @@ from sepv.errors import UsageError
 from sepv.problem import GivenProblem, NamedProblem, PolynomialSystem
 from sepv.record import Exponents, Polynomial
 
-Matrix = list[Vector]
 Description = PolynomialSystem | NamedProblem
 # Entries (i, j, B_ij) of B with i < j; zeros are left out, and B_ji = −B_ij.
 Skew = list[tuple[int, int, Number]]

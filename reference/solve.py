@@ -14,10 +14,9 @@ from collections.abc import Callable
 from operator import mul
 from typing import Any, NamedTuple
 
-from sepv.reference.arithmetic import Arithmetic, Number, Vector, total
+from sepv.reference.arithmetic import Arithmetic, Matrix, Number, Vector, total
 
 Residual = Callable[[Vector], Vector]
-Matrix = list[Vector]
 
 _NEWTON = 60
 _CHORD = 40

@@ -11,11 +11,11 @@ from collections.abc import Callable, Sequence
 from math import isfinite
 from typing import Any, NamedTuple
 
-from sepv.reference.arithmetic import Vector, total
+from sepv.reference.arithmetic import Matrix, Vector, total
 from sepv.reference.branch import BranchEnd, follow
 from sepv.reference.equations import EQUATIONS, FEWEST_NODES, Equation, Step, collocation, make_step
 from sepv.reference.problem import Description, ExactProblem, binary64_problem, exact_problem
-from sepv.reference.solve import FLOAT_ERRORS, CertifiedRoot, Failure, Matrix, largest, newton, refine
+from sepv.reference.solve import FLOAT_ERRORS, CertifiedRoot, Failure, largest, newton, refine
 
 from sepv.errors import StepFailure, UsageError
 from sepv.problem import GivenProblem

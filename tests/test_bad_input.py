@@ -463,7 +463,7 @@ CHECKS: dict[str, Check] = {
     "damping: none": skipped(lambda: schemes.conformal.step(BODY, Y, 0.1, DW), "has no damping"),
     "damping: NaN": refused(lambda: replace(problems.damped_top(), damping=float("nan")), "finite number"),
     "damping: beside Hamiltonians":
-        refused(lambda: problems.build(replace(INERTIA.data, damping=0.5)), "leave out one or the other"),
+        refused(lambda: problems.build(replace(INERTIA.data, damping=0.5)), "give the matrix γI"),
     "several Hamiltonians: one for two noises": pushed("2 noise_hamiltonians", noise=(1.0, 1.0)),
     "several Hamiltonians: another gradient":
         pushed("gradient to be that of hamiltonian", noise_gradients=(lambda y: 0 * y,)),

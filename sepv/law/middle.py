@@ -19,7 +19,6 @@ Each law says how it is measured there (`Middle`), or why it is not. Derivations
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -29,9 +28,9 @@ from sepv.errors import Unasked
 from sepv.law._law import Measurement, Middle
 from sepv.law.cases.case import Case
 from sepv.law.cases.of_law import Question
+from sepv.law.search_log import Check
 from sepv.schemes import Scheme, ask_next, resumed, several
 
-Check = Callable[[Scheme, Case], Measurement]
 # The numbers k of steps before the last one: the second, the third and the eighth step of a path.
 # Two and eight steps alone would hide faults that cancel in pairs.
 STEPS_BEFORE = (1, 2, 7)

@@ -4,18 +4,16 @@ structure.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sepv.core.arrays import Array
+from sepv.core.problem import Function
 from sepv.errors import ProblemError
 from sepv.record import Tape, evaluator
 
-Array = NDArray[np.float64]
-Function = Callable[[Array], Array]
 # The largest relative difference between a function of a batch and the same function of each state.
 # Sums in another order differ by a few roundings; a function that mixes the states of a batch is
 # wrong by its whole size.

@@ -4,14 +4,14 @@ the mean of ∇H, flows.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sepv.core.arrays import Array
+from sepv.core.problem import Function
 from sepv.errors import ProblemError
 from sepv.record import (
     CannotRecord,
@@ -26,9 +26,6 @@ from sepv.record import (
     jacobian,
     mean,
 )
-
-Array = NDArray[np.float64]
-Function = Callable[[Array], Array]
 
 
 def to_be_derived(y: Array) -> Array:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sepv.core.arrays import Array
-from sepv.problem._derived import Function
+from sepv.core.problem import Function
 from sepv.record import CannotRecord, Tape, gradient, jacobian, magnitudes
 
 # The number of pieces of a segment, each with a box of its own, if the box of the whole segment has

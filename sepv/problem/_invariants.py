@@ -24,10 +24,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from sepv.core.problem import Channel
+from sepv.core.arrays import Array
+from sepv.core.problem import Channel, Function
 from sepv.errors import ProblemError
 from sepv.problem._checks import sample_states
-from sepv.problem._derived import Array, Function, recorded_as
+from sepv.problem._derived import recorded_as
 from sepv.problem._facts import damping_matrix
 from sepv.problem._stated import Stated
 from sepv.record import EPS, CannotRecord, Tape, gradient, replay

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sepv.core.arrays import Array, cross_entries
-from sepv.problem._derived import Function, derivatives, to_be_derived
+from sepv.core.problem import Function
+from sepv.problem._derived import derivatives, to_be_derived
 
 
 @dataclass(frozen=True)

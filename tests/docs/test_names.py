@@ -176,3 +176,33 @@ def test_a_riddle_is_seen() -> None:
     riddles = ["Of |ζ|.", "What a step is given.", "Whether it holds.", "One path.", "At most so many."]
     assert all(map(is_riddle, riddles))
     assert not any(map(is_riddle, ["y1 of a step.", "Whole powers are products.", "Φ(y) − y0."]))
+
+
+# Names that stand in several files for one thing: what adapters of libraries and families of
+# saboteurs give, public lists of problems and of schemes, a word of type checkers, and type
+# variables.
+SHARED = {"PEER", "FAMILY", "PAPER", "EXTENSIONS", "HAMILTONIANS", "TYPE_CHECKING", "T"}
+
+
+def names_of(module: ast.Module) -> set[str]:
+    """The constants and types that a module defines."""
+    found = set()
+    for node in module.body:
+        if isinstance(node, ast.ClassDef):
+            found.add(node.name)
+        for target in node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]:
+            names = target.elts if isinstance(target, ast.Tuple) else [target]
+            found |= {
+                n.id for n in names if isinstance(n, ast.Name) and re.fullmatch(r"_?[A-Z][A-Z0-9_]*", n.id)
+            }
+    return found
+
+
+def test_a_constant_or_type_has_a_name_of_its_own() -> None:
+    """One name in two files is one thing twice, or two things that a reader takes for one."""
+    files: dict[str, list[str]] = {}
+    for source in SOURCES:
+        if source.relative_to(ROOT).parts[0] in FOLDERS[:4]:
+            for name in names_of(ast.parse(source.read_text(encoding="utf-8"))):
+                files.setdefault(name, []).append(str(source.relative_to(ROOT)))
+    assert {name: found for name, found in files.items() if len(found) > 1 and name not in SHARED} == {}
