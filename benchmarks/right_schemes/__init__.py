@@ -2,7 +2,8 @@
 
 Each scheme claims what theory proves for it and no more. `solved_otherwise` has variants of (2.1)
 with other solvers than the core's Newton iteration, other orders of summation, fewer roundings or
-more refusals. `other_formulas` has other schemes, and `with_memory` methods that carry a state.
+more refusals. `other_formulas` and `mechanical` have other schemes, and `with_memory` methods that
+carry a state.
 tests/verification/test_right_schemes.py and `benchmarks.false_alarms` run the suite on all of them.
 """
 

@@ -1,7 +1,7 @@
 """Problems: a structure matrix B, a Hamiltonian H, noise coefficients c,
 and everything derived from them.
 
-Read `_problem` first (a problem as data). `_derived` derives gradient,
+Read `_data` (a problem as data) and `_problem` first. `_derived` derives gradient,
 Hessian, B′ and averages from recorded operations of B and H, and `_checks` compares the parts. What
 a step uses of a problem stands in `sepv.core`, also the record of its fields, `Channel`. `_facts`
 and `_channels` compute all that is asked of a system from these, and `_systems` names classes of
@@ -42,6 +42,9 @@ from sepv.problem._checks import check_problem as check_problem
 from sepv.problem._checks import sample_states
 from sepv.problem._damped import DampedProblem as DampedProblem
 from sepv.problem._damped import conformal_rate, scaled_damping
+from sepv.problem._data import Matrix, Structure
+from sepv.problem._data import NamedProblem as NamedProblem
+from sepv.problem._data import PolynomialSystem as PolynomialSystem
 from sepv.problem._derived import PartFlow, derivatives
 from sepv.problem._directional import derivative_along, structure_slope
 from sepv.problem._directions import Directions, directions, projections
@@ -84,10 +87,8 @@ from sepv.problem._nambu import cross
 from sepv.problem._poisson import derivative_of_structure
 from sepv.problem._poisson import jacobi_defect as jacobi_defect
 from sepv.problem._problem import Description as Description
-from sepv.problem._problem import Flow, Matrix, Structure, coefficients, few
+from sepv.problem._problem import Flow, coefficients, few
 from sepv.problem._problem import GivenProblem as GivenProblem
-from sepv.problem._problem import NamedProblem as NamedProblem
-from sepv.problem._problem import PolynomialSystem as PolynomialSystem
 from sepv.problem._problem import Problem as Problem
 from sepv.problem._products import dot, turned_along
 from sepv.problem._structures import ClosedForm, undefined

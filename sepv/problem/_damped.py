@@ -26,8 +26,9 @@ from sepv._arguments import is_number
 from sepv.core.arrays import EPS, Array
 from sepv.core.problem import Channel
 from sepv.errors import ProblemError
+from sepv.problem._data import Matrix
 from sepv.problem._facts import damping_matrix
-from sepv.problem._problem import Matrix, Problem
+from sepv.problem._problem import Problem
 
 
 @dataclass(frozen=True, eq=False, repr=False)

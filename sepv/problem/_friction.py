@@ -24,10 +24,11 @@ from numpy.typing import ArrayLike
 from sepv._arguments import is_number
 from sepv.core.arrays import EPS, Array, matvec
 from sepv.errors import ProblemError, UsageError
+from sepv.problem._data import Matrix, PolynomialSystem
 from sepv.problem._facts import damping_matrix, noise_vectors
 from sepv.problem._hamiltonians import HamiltoniansProblem
 from sepv.problem._mechanics import Mechanics, mechanics
-from sepv.problem._problem import Matrix, PolynomialSystem, Problem, constant
+from sepv.problem._problem import Problem, constant
 
 # The relative difference of both sides of (F), entry by entry, that counts as rounding: σ is a
 # rounded square root.

@@ -11,15 +11,8 @@ from typing import Any
 from sepv._arguments import double
 from sepv.errors import ProblemError, UsageError
 from sepv.files import fault, schema
-from sepv.problem._problem import (
-    Description,
-    GivenProblem,
-    Matrix,
-    NamedProblem,
-    PolynomialSystem,
-    Problem,
-    Structure,
-)
+from sepv.problem._data import Matrix, NamedProblem, PolynomialSystem, Structure
+from sepv.problem._problem import Description, GivenProblem, Problem
 from sepv.record import poly
 
 

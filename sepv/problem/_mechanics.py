@@ -16,7 +16,8 @@ import numpy as np
 from sepv.core.arrays import EPS, Array, matvec
 from sepv.errors import UsageError
 from sepv.problem._checks import sample_states
-from sepv.problem._problem import PolynomialSystem, Problem
+from sepv.problem._data import PolynomialSystem
+from sepv.problem._problem import Problem
 
 
 @dataclass(frozen=True, eq=False)

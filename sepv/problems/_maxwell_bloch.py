@@ -15,7 +15,7 @@ from sepv.problem import PolynomialSystem, Problem
 from sepv.problems._common import flows
 from sepv.problems._nambu_system import nambu_system
 from sepv.problems._polynomial_system import started
-from sepv.record import poly
+from sepv.record import PolynomialMap, poly
 
 
 def maxwell_bloch(noise: Sequence[float] = (0.5,)) -> Problem:
@@ -44,6 +44,6 @@ def random_maxwell_bloch(noise: Sequence[float] = (0.5,)) -> Problem:
     # The Casimir 2C = y2² + y3² as a matrix.
     casimir = ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     data = replace(base.data, noise=tuple(noise), nambu=None, casimirs=(casimir,), noise_hamiltonians=parts)
-    half_flows = flows(3, base.structure, [poly.PolynomialMap((), (p,)) for p in halves])
+    half_flows = flows(3, base.structure, [PolynomialMap((), (p,)) for p in halves])
     y0 = (1.0, 0.5, 0.5)
     return started(data, "random-maxwell-bloch", y0, flows=half_flows, noise_flows=half_flows[: len(parts)])

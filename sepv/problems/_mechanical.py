@@ -12,7 +12,7 @@ from sepv.errors import ProblemError
 from sepv.problem import Array, Function, PolynomialSystem, Problem, coefficients, dot
 from sepv.problems._common import canonical, flows, named, skew, whole_number
 from sepv.problems._polynomial_system import started
-from sepv.record import poly
+from sepv.record import PolynomialMap, poly
 
 # The largest number of degrees of freedom. It is bounded because B and H″ are dense matrices.
 MAX_DEGREES_OF_FREEDOM = 32
@@ -35,7 +35,7 @@ def henon_heiles(coupling: float = 1.0, noise: ArrayLike = 1.0) -> Problem:
     parts = [poly.squares((0, 0, 1, 1)), poly.add(poly.squares((1, 1, 0, 0)), cubic)]
     c = tuple(coefficients(noise).tolist())
     data = PolynomialSystem(4, poly.add(*parts), canonical(4, 1.0), c)
-    exact = flows(4, positions_first, [poly.PolynomialMap((), (p,)) for p in parts])
+    exact = flows(4, positions_first, [PolynomialMap((), (p,)) for p in parts])
     return started(data, "henon-heiles", (0.0, 0.2, 0.4, -0.1), flows=exact)
 
 

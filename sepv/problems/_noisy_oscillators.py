@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from sepv.problem import PolynomialSystem, Problem
 from sepv.problems._common import canonical, flows, structure
 from sepv.problems._polynomial_system import started
-from sepv.record import poly
+from sepv.record import PolynomialMap, poly
 
 
 def noisy_henon_heiles(coupling: float = 0.5, noise: Sequence[float] = (0.5, 0.25)) -> Problem:
@@ -43,5 +43,5 @@ def _oscillators(
     cubic = poly.polynomial(4, {(0, 0, 2, 1): coupling, (0, 0, 0, 3): -coupling / 3})
     parts = [poly.squares((1, 1, 0, 0)), poly.add(poly.squares((0, 0, 1, 1)), cubic)]
     data = PolynomialSystem(4, poly.add(*parts), canonical(4), tuple(noise), noise_hamiltonians=tuple(others))
-    exact = flows(4, structure, [poly.PolynomialMap((), (p,)) for p in (*parts, *others)])
+    exact = flows(4, structure, [PolynomialMap((), (p,)) for p in (*parts, *others)])
     return started(data, name, (0.2, -0.1, 0.3, 0.2), flows=exact[:2], noise_flows=exact[2:])

@@ -4,8 +4,8 @@ averaged and printed.
 A function that consists of indexing, arithmetic and NumPy's elementwise functions is called once
 with arrays of symbols, and its operations are listed on a tape. Read `_symbols` first (the tape),
 then `_derivative`, `_expand`, `_means` (averages of gradients along a segment in closed form),
-`_intervals` (bounds over a box) and `_arrays` (NumPy code). `_polynomial` has polynomials as data.
-`sepv.simulate` prints records as code to be compiled.
+`_intervals` (bounds over a box) and `_arrays` (NumPy code). `_polynomial` has polynomials as data,
+and `_polynomial_map` evaluates them. `sepv.simulate` prints records as code to be compiled.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from sepv.record._numpy_protocol import CannotRecord as CannotRecord
 from sepv.record._numpy_protocol import select as select
 from sepv.record._polynomial import Exponents, squares
 from sepv.record._polynomial import Polynomial as Polynomial
-from sepv.record._polynomial import PolynomialMap as PolynomialMap
 from sepv.record._polynomial import add as add_polynomials
 from sepv.record._polynomial import gradient as polynomial_gradient
 from sepv.record._polynomial import polynomial as polynomial
+from sepv.record._polynomial_map import PolynomialMap as PolynomialMap
 from sepv.record._replay import replay as replay
 from sepv.record._replay import substitute
 from sepv.record._symbols import Symbol as Symbol

@@ -268,7 +268,8 @@ def test_two_programs_and_their_own_processes_end_with_the_command(folder: Path)
 def test_a_loop_that_nothing_interrupts_is_told_from_outside(folder: Path) -> None:
     """In a thread of one's own program; not even a warning came."""
     (folder / "own.py").write_text(
-        "import threading, mine, sepv, sepv.children._bell as bell\nbell.GRACE = -58\n"  # two seconds
+        "import threading, mine, sepv, sepv.children._bell as bell\n"
+        "assert bell.KILL_GRACE > 0\nbell.KILL_GRACE = -58\n"  # two seconds
         "threading.Thread(target=lambda: sepv.verify(mine.spins, laws='energy', timeout=60)).start()\n"
     )
     child = subprocess.Popen([sys.executable, "own.py"], cwd=folder, stderr=subprocess.PIPE, text=True)

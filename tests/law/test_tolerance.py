@@ -19,6 +19,7 @@ from sepv.law.cases.classes import CLASSES
 from sepv.law.contraction import CONTRACTION, _spectral_norm, contraction_ball, contraction_radius
 from sepv.problem import PolynomialSystem, StructuresProblem, Systems, average_gradient
 from sepv.problem._enclosures import recorded
+from sepv.record import PolynomialMap
 from sepv.record import _polynomial as poly
 from sepv.schemes import _energy_preserving as energy_preserving
 from sepv.schemes import _gonzalez as gonzalez
@@ -211,7 +212,7 @@ def test_several_structures_have_the_residual_of_the_largest() -> None:
         several = StructuresProblem(
             3, B, drift.hamiltonian, drift.gradient, noise=(1.0,) * len(factors), check=False,
             noise_structures=tuple(
-                poly.PolynomialMap((3, 3), tuple(poly.scale(f, p) for p in B.rows)) for f in factors
+                PolynomialMap((3, 3), tuple(poly.scale(f, p) for p in B.rows)) for f in factors
             ),
         )  # fmt: skip
         dW = np.resize([0.1, 0.0], len(factors))

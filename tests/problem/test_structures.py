@@ -21,6 +21,7 @@ from sepv.law.cases.commuting import commuting_step
 from sepv.law.cases.of_law import ALL_CASES, Question
 from sepv.problem import CommutingStructure, StructuresProblem, Systems, commuting_hamiltonians
 from sepv.problems._several import closed_form, commuting_actions
+from sepv.record import PolynomialMap
 from sepv.record import _polynomial as poly
 from sepv.verification import Case
 
@@ -46,8 +47,8 @@ def test_commuting_hamiltonians_are_structures(case: Case) -> None:
         assert np.array_equal(S(y), -S(y).T)
 
 
-def _map(p: poly.Polynomial) -> poly.PolynomialMap:
-    return poly.PolynomialMap((), (p,))
+def _map(p: poly.Polynomial) -> PolynomialMap:
+    return PolynomialMap((), (p,))
 
 
 @pytest.mark.parametrize("name", ["commuting-rotations", "commuting-oscillators"])

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from sepv.law.strategies import polynomials
 from sepv.record import Polynomial, PolynomialMap
 from sepv.record import _polynomial as poly
+from sepv.record import _polynomial_map as evaluation
 
 
 def exactly(p: Polynomial, y: list[float]) -> Fraction:
@@ -49,13 +50,13 @@ def test_derivative_is_the_limit_of_exact_quotients(case: tuple[Polynomial, list
         assert abs(quotient - derivative) <= 10_000 * step
 
 
-@pytest.mark.parametrize("few", [0, poly.ONE_REDUCTION_MAX_SIZE])
+@pytest.mark.parametrize("few", [0, evaluation.ONE_REDUCTION_MAX_SIZE])
 @pytest.mark.parametrize("rows", [1, 3])
 def test_long_sums_run_strictly_in_order(monkeypatch: pytest.MonkeyPatch, rows: int, few: int) -> None:
     """NumPy sums a column of eight and more numbers in pairs:
     other bits than those of the same state in a batch.
     """
-    monkeypatch.setattr(poly, "ONE_REDUCTION_MAX_SIZE", few)
+    monkeypatch.setattr(evaluation, "ONE_REDUCTION_MAX_SIZE", few)
     rng = np.random.default_rng(0)
     long = poly.polynomial(2, {(i, j): rng.normal() for i in range(7) for j in range(7)})
     f = PolynomialMap((rows,), (long, poly.constant(2, 1.0), long)[:rows])
@@ -84,7 +85,7 @@ def test_a_state_asked_for_often_keeps_every_bit(
     with np.errstate(all="ignore"):
         batch, scales = values(states), values.majorant(states)
         for y, expected, scale in zip(states.T, batch.T, scales.T, strict=True):
-            one = [(values(y), values.majorant(y)) for _ in range(poly.COMPILED_FROM_USE)][-1]
+            one = [(values(y), values.majorant(y)) for _ in range(evaluation.COMPILED_FROM_USE)][-1]
             assert [v.tobytes() for v in one] == [
                 np.ascontiguousarray(v).tobytes() for v in (expected, scale)
             ]
@@ -94,7 +95,7 @@ def test_a_state_asked_for_often_keeps_every_bit(
 
 def test_what_overflows_warns_also_when_asked_for_often() -> None:
     values = PolynomialMap((1,), (poly.polynomial(1, {(4,): 1.0}),))
-    for _ in range(2 * poly.COMPILED_FROM_USE):
+    for _ in range(2 * evaluation.COMPILED_FROM_USE):
         assert values(np.array([3.0])) == [81.0]
     with pytest.warns(RuntimeWarning, match="overflow"):
         assert values(np.array([1e100])) == [np.inf]

@@ -33,7 +33,7 @@ from sepv.properties._reversal import mirrors
 
 import sepv
 from benchmarks.right_schemes import RIGHT_SCHEMES
-from benchmarks.right_schemes.other_formulas import MECHANICAL
+from benchmarks.right_schemes.mechanical import MECHANICAL
 from sepv import Scheme, Skipped, problems, schemes
 from sepv.exact import PHASES
 from sepv.faults.saboteurs import SABOTEURS
